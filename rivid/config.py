@@ -42,29 +42,29 @@ _BOUNDS = "`bounds`: from the hydraulics of `[reach]`"
 class JmapConfig(Section):
     """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
 
-    order: Annotated[core.Order | Literal["bounds"], Means("samples", f"M, length of the FIR; {_BOUNDS}")] = (
+    order: Annotated[core.Order | Literal["bounds"], Means(f"M, length of the FIR; {_BOUNDS}", "samples")] = (
         JmapSettings.order
     )
     d_min: core.Delay = JmapSettings.d_min
-    d_max: Annotated[core.Delay | Literal["bounds"], Means("samples", f"longest delay tried; {_BOUNDS}")] = (
+    d_max: Annotated[core.Delay | Literal["bounds"], Means(f"longest delay tried; {_BOUNDS}", "samples")] = (
         JmapSettings.d_max
     )
     sigma_d: Annotated[
         core.DelayScale | Literal["bounds"],
-        Means("samples", f"scale and mode of the Rayleigh prior (26); {_BOUNDS}"),
+        Means(f"scale and mode of the Rayleigh prior (26); {_BOUNDS}", "samples"),
     ] = JmapSettings.delay_scale
     alpha: Annotated[
-        core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
+        core.Alpha, Means("fixed regularisation weight of `map` and `jmap-uniform` (22), Table V", "(m3/s)^2")
     ] = core.DEFAULT_ALPHA
     jumps: core.Jumps = JmapSettings.jumps
-    alpha_h: Annotated[core.Shape | None, Means("-", "inverse-gamma prior (32); not given: M / 2")] = None
+    alpha_h: Annotated[core.Shape | None, Means("inverse-gamma prior (32); not given: M / 2")] = None
     beta_h: Annotated[
-        core.Scale | None, Means("(m per m3/s)^2", "inverse-gamma prior (32); not given: ||D h_ML||^2 / 2")
+        core.Scale | None, Means("inverse-gamma prior (32); not given: ||D h_ML||^2 / 2", "(m per m3/s)^2")
     ] = None
-    alpha_w: Annotated[core.Shape, Means("-", "the same of sigma_w^2; -1 with beta_w 0 is uniform (31)")] = (
+    alpha_w: Annotated[core.Shape, Means("the same of sigma_w^2; -1 with beta_w 0 is uniform (31)")] = (
         JmapSettings.alpha_w
     )
-    beta_w: Annotated[core.Scale, Means("m^2", "the same of sigma_w^2")] = JmapSettings.beta_w
+    beta_w: Annotated[core.Scale, Means("the same of sigma_w^2", "m^2")] = JmapSettings.beta_w
     d_init: core.Delay = JmapSettings.d_init
     tolerance: core.Tolerance = JmapSettings.tolerance
     max_iterations: core.Rounds = JmapSettings.max_iterations
@@ -81,7 +81,7 @@ class JmapConfig(Section):
 
     start: Annotated[
         Literal["rest", "free"] | None,
-        Means("-", "before the first sample: at `rest` (the paper; a pool), or `free` (a river)"),
+        Means("before the first sample: at `rest` (the paper; a pool), or `free` (a river)"),
     ] = None
 
 
@@ -91,8 +91,8 @@ class SearchConfig(Section):
     The delays are those of `[jmap]` where not given.
     """
 
-    d_min: Annotated[core.Delay | None, Means("samples", f"shortest delay tried{_NOT_GIVEN}")] = None
-    d_max: Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")] = None
+    d_min: Annotated[core.Delay | None, Means(f"shortest delay tried{_NOT_GIVEN}", "samples")] = None
+    d_max: Annotated[core.Delay | None, Means(f"longest delay tried{_NOT_GIVEN}", "samples")] = None
 
 
 def _table_of(name: str, settings: type[CusumSettings | PosteriorSettings]) -> Any:
@@ -115,32 +115,32 @@ else:
 class ReachConfig(Section):
     """`[reach]`: the reach and its geometry (Table I)."""
 
-    name: Annotated[str, Means("-", "its name, in tables and titles: letters, digits, `.`, `_`, `-`")] = (
-        Field("reach", pattern=NAME, max_length=80)
+    name: Annotated[str, Means("its name, in tables and titles: letters, digits, `.`, `_`, `-`")] = Field(
+        "reach", pattern=NAME, max_length=80
     )
     note: Annotated[
-        str, Means("-", "a line about the data, under the titles of reports"), Field(max_length=200)
+        str, Means("a line about the data, under the titles of reports"), Field(max_length=200)
     ] = ""
     kind: Annotated[
         Literal["pool", "river"],
-        Means("-", "`pool`: the output is the level at a dam; `river`: it is the discharge at the lower end"),
+        Means("`pool`: the output is the level at a dam; `river`: it is the discharge at the lower end"),
     ] = "pool"
-    length: Annotated[float, Field(gt=0, le=1e7), Means("m", "from dam to dam, along the water")] = 8200.0
-    width: Annotated[float, Field(gt=0, le=1e6), Means("m", "mean width")] = 81.6
-    depth: Annotated[float, Field(gt=0, le=1e4), Means("m", "mean depth")] = 4.9
+    length: Annotated[float, Field(gt=0, le=1e7), Means("from dam to dam, along the water", "m")] = 8200.0
+    width: Annotated[float, Field(gt=0, le=1e6), Means("mean width", "m")] = 81.6
+    depth: Annotated[float, Field(gt=0, le=1e4), Means("mean depth", "m")] = 4.9
     bed_level: Annotated[
         float | None,
-        Means("m", "bed at the downstream dam; the depth is then the level less this, day by day"),
+        Means("bed at the downstream dam; the depth is then the level less this, day by day", "m"),
     ] = Field(None, allow_inf_nan=False)
-    surface_area: Annotated[float, Field(gt=0, le=1e12), Means("m2", "surface of the water")] = 6.7e5
+    surface_area: Annotated[float, Field(gt=0, le=1e12), Means("surface of the water", "m2")] = 6.7e5
     discharge_range: Annotated[
         tuple[Discharge, Discharge],
-        Means("m3/s", "lowest and highest usual discharge: the bounds are worked out from it"),
+        Means("lowest and highest usual discharge: the bounds are worked out from it", "m3/s"),
     ] = (100.0, 800.0)
     sample_time: Annotated[
         float,
         Field(ge=0.01, le=86_400, allow_inf_nan=False),
-        Means("s", "T_s: logs are put on a grid of this step; flows that come more often are averaged"),
+        Means("T_s: logs are put on a grid of this step; flows that come more often are averaged", "s"),
     ] = 133.0
 
     @model_validator(mode="after")
@@ -201,30 +201,29 @@ class ReachConfig(Section):
 class RunConfig(Section):
     """`[run]`: which estimators, on data sets of how many days."""
 
-    estimators: Annotated[
-        list[str], Means("-", f"names of estimators; a day has a row for each: {_NAMES}")
-    ] = Field(["jmap", "posterior"], min_length=1)
+    estimators: Annotated[list[str], Means(f"names of estimators; a day has a row for each: {_NAMES}")] = (
+        Field(["jmap", "posterior"], min_length=1)
+    )
     window_days: Annotated[
-        int, Field(ge=1, le=31), Means("days", "length of a data set; it is dated by its last day")
+        int, Field(ge=1, le=31), Means("length of a data set; it is dated by its last day", "days")
     ] = 1
     window: Annotated[
         Annotated[str, Field(pattern=r"^\d+(\.\d+)? ?(s|min|h)$")] | None,
         Means(
-            "-",
             "length of data sets shorter than a day, as `75 s`, `10 min`, `6 h`: a day's log is cut into "
             "these from its first row, and again after each pause. Tables have a column `start`, their "
-            "local begin; there are no figures and no report",
+            "local begin; there are no figures and no report"
         ),
     ] = None
     min_motion: Annotated[
         float,
         Field(ge=0, le=1),
-        Means("-", "an inflow that moves by less than this share of its largest value counts as still"),
+        Means("an inflow that moves by less than this share of its largest value counts as still"),
     ] = 1e-4
     # where, not what: the command line reads it, relative to the file; nothing that is estimated hangs on it
     out: Annotated[
         Annotated[str, Field(max_length=4096)] | None,
-        Means("-", "directory of the results, relative to the configuration; `--out` goes over it"),
+        Means("directory of the results, relative to the configuration; `--out` goes over it"),
     ] = Field(None, exclude=True)
 
     @property
@@ -270,20 +269,20 @@ class DiagnoseConfig(Section):
 
     slope: Annotated[
         Annotated[float, Field(ge=0, le=0.05)] | None,
-        Means("-", "fall of the bed; not given: 0.15 depths over the reach; it is fitted in any case"),
+        Means("fall of the bed; not given: 0.15 depths over the reach; it is fitted in any case"),
     ] = None
     manning: Annotated[
-        float, Field(ge=0.005, le=0.2), Means("s/m^(1/3)", "Manning's n that the fit starts from")
+        float, Field(ge=0.005, le=0.2), Means("Manning's n that the fit starts from", "s/m^(1/3)")
     ] = 0.03
     gauge_step: Annotated[
         Annotated[float, Field(ge=0, le=1e4)] | None,
-        Means("m or m3/s", "what the gauge rounds to; not given: seen from the record"),
+        Means("what the gauge rounds to; not given: seen from the record", "m or m3/s"),
     ] = None
-    exclude: Annotated[list[str], Means("-", "effects that are not to be looked for")] = []
+    exclude: Annotated[list[str], Means("effects that are not to be looked for")] = []
     effects_file: Annotated[
-        Path | None, Means("-", "a Python file with own effects, relative to the configuration")
+        Path | None, Means("a Python file with own effects, relative to the configuration")
     ] = None
-    most_effects: Annotated[int, Field(ge=1, le=10), Means("-", "no more effects than this are added")] = 4
+    most_effects: Annotated[int, Field(ge=1, le=10), Means("no more effects than this are added")] = 4
 
 
 class Config(Section):
@@ -305,12 +304,8 @@ class Config(Section):
         if reach is None:
             return value  # its own error is raised
         roles = ("time", "u_Qi", "u_Qo", "h_L") if reach.kind == "pool" else ("time", "u_Qi", "Q_L")
-        given = {}
-        for role in roles:
-            columns = getattr(value, role)
-            given[role] = {columns or role} - {""} if not isinstance(columns, list) else set(columns)
-        if value.u_Qo == "":
-            given.pop("u_Qo", None)
+        named = {role: columns for role in roles if (columns := getattr(value, role)) != ""}
+        given = {role: set(c) if isinstance(c, list) else {c or role} for role, c in named.items()}
         for one, other in combinations(given, 2):
             shared = given[one] & given[other]
             # two discharges may share a part, such as a bypass; nothing else may

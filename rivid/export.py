@@ -241,9 +241,8 @@ def _rtc_tools(source: Path, out: Path) -> list[Path]:
     model = load_model(source)
     found = routing(model)
     block = model.name.replace("-", "_")
-    names = [f"{block}.{name}" for name in found if name not in ("gain", "delay")]
-    values = [f"{v:.10g}" for name, v in found.items() if name not in ("gain", "delay")]
-    write_text(out / "parameters.csv", ",".join(names) + "\n" + ",".join(values) + "\n")
+    values = {f"{block}.{k}": f"{v:.10g}" for k, v in found.items() if k not in ("gain", "delay")}
+    write_text(out / "parameters.csv", ",".join(values) + "\n" + ",".join(values.values()) + "\n")
     about = {"block": "IDZ" if model.kind == "pool" else "LagAndK", "values": found} | _origin(model)
     write_text(out / "parameters.json", json.dumps(about, indent=1, default=str) + "\n")
     return [out / "parameters.csv", out / "parameters.json"]

@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = str | list[str]
-Stamp = Literal["instant", "start", "end"]
 FLOWS = ("u_Qi", "u_Qo", "Q_L")
 """Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
 
@@ -23,13 +22,10 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Means:
-    """Unit and meaning of a key, as metadata of its type; the reference page shows them.
+    """Meaning, in Markdown, and unit of a key, as metadata of its type; the reference page shows them."""
 
-    The unit is "-" where it has none; the meaning is Markdown.
-    """
-
-    unit: str
     meaning: str
+    unit: str = "-"
 
 
 class Section(BaseModel):
@@ -100,110 +96,100 @@ class InputConfig(Section):
     """
 
     database: Annotated[
-        str | None,
-        Means("-", "URL of SQLAlchemy; `$NAME` is a variable of the environment (`rivid ingest` only)"),
+        str | None, Means("URL of SQLAlchemy; `$NAME` is a variable of the environment (`rivid ingest` only)")
     ] = None
     query: Annotated[
         str | None,
-        Means("-", "SQL for the rows, where no EXPORTS are named; `:first` and `:last` limit its times"),
+        Means("SQL for the rows, where no EXPORTS are named; `:first` and `:last` limit its times"),
     ] = None
     layout: Annotated[
         Literal["wide", "long"],
-        Means("-", "`wide`: a row per time; `long`: a row per value (`rivid ingest` only)"),
+        Means("`wide`: a row per time; `long`: a row per value (`rivid ingest` only)"),
     ] = "wide"
-    time: Annotated[
-        Column, Means("-", "column of the time; a list is joined by a space (date and clock)")
-    ] = "time"
-    u_Qi: Annotated[Column, Means("-", "column, or tag, of the inflow command; a list is a sum")] = "u_Qi"
-    u_Qo: Annotated[
-        Column | None, Means("-", 'the same of the outflow command; `""` where it is not logged')
-    ] = "u_Qo"
-    h_L: Annotated[Column | None, Means("-", "the same of the level, of a pool")] = "h_L"
-    Q_L: Annotated[Column | None, Means("-", "the same of the discharge at the lower end, of a river")] = (
-        "Q_L"
+    time: Annotated[Column, Means("column of the time; a list is joined by a space (date and clock)")] = (
+        "time"
     )
-    tag: Annotated[
-        Column | None, Means("-", "long layout: column of the tags; a list is joined by a space")
-    ] = None
+    u_Qi: Annotated[Column, Means("column, or tag, of the inflow command; a list is a sum")] = "u_Qi"
+    u_Qo: Annotated[Column | None, Means('the same of the outflow command; `""` where it is not logged')] = (
+        "u_Qo"
+    )
+    h_L: Annotated[Column | None, Means("the same of the level, of a pool")] = "h_L"
+    Q_L: Annotated[Column | None, Means("the same of the discharge at the lower end, of a river")] = "Q_L"
+    tag: Annotated[Column | None, Means("long layout: column of the tags; a list is joined by a space")] = (
+        None
+    )
     tag_pattern: Annotated[
         Annotated[str, Field(max_length=200)] | None,
-        Means("-", "long layout: regular expression of the line above the rows with their tag"),
+        Means("long layout: regular expression of the line above the rows with their tag"),
     ] = None
-    value: Annotated[str, Field(min_length=1), Means("-", "long layout: column of the values")] = "value"
+    value: Annotated[str, Field(min_length=1), Means("long layout: column of the values")] = "value"
     quality: Annotated[
         str | dict[str, Column] | None,
-        Means(
-            "-", "column of flags of the whole row, or a table with a column for each of u_Qi, u_Qo, h_L, Q_L"
-        ),
+        Means("column of flags of the whole row, or a table with a column for each of u_Qi, u_Qo, h_L, Q_L"),
     ] = None
-    good: Annotated[list[str], Means("-", 'flags of values to keep; `""` for none')] = []
+    good: Annotated[list[str], Means('flags of values to keep; `""` for none')] = []
     hold: Annotated[
         dict[str, Positive],
         Means(
-            "s", "of values logged when they change: the longest time that one holds (`rivid ingest` only)"
+            "of values logged when they change: the longest time that one holds (`rivid ingest` only)", "s"
         ),
-    ] = Field(default_factory=dict)
+    ] = {}
     units: Annotated[
-        dict[str, str], Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
-    ] = Field(default_factory=dict)
+        dict[str, str], Means("of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
+    ] = {}
     stamp: Annotated[
-        dict[str, Stamp],
-        Means("-", "what the time of a value stands for: `instant`, `start` or `end` of its interval"),
-    ] = Field(default_factory=dict)
+        dict[str, Literal["instant", "start", "end"]],
+        Means("what the time of a value stands for: `instant`, `start` or `end` of its interval"),
+    ] = {}
     interval: Annotated[
-        dict[str, Positive], Means("s", "time between two values of a column that does not come every T_s")
-    ] = Field(default_factory=dict)
-    time_zone: Annotated[str | None, Means("-", "zone of a clock without offset, such as `Europe/Paris`")] = (
-        None
-    )
+        dict[str, Positive], Means("time between two values of a column that does not come every T_s", "s")
+    ] = {}
+    time_zone: Annotated[str | None, Means("zone of a clock without offset, such as `Europe/Paris`")] = None
     time_format: Annotated[
-        str | None, Means("-", "format of times that are not ISO 8601 (strptime), `unix` or `unix_ms`")
+        str | None, Means("format of times that are not ISO 8601 (strptime), `unix` or `unix_ms`")
     ] = None
-    zone_column: Annotated[str | None, Means("-", "column that names the zone of each row")] = None
-    zones: Annotated[dict[str, str], Means("-", 'offsets of these names: `MST = "-07:00"`')] = Field(
-        default_factory=dict
-    )
+    zone_column: Annotated[str | None, Means("column that names the zone of each row")] = None
+    zones: Annotated[dict[str, str], Means('offsets of these names: `MST = "-07:00"`')] = {}
     ambiguous: Annotated[
         Literal["error", "first", "second", "order"],
         Means(
-            "-",
-            "the hour that the clock shows twice: refused, its first or second time, or by the order of rows",
+            "the hour that the clock shows twice: refused, its first or second time, or by the order of rows"
         ),
     ] = "error"
     separator: Annotated[
-        str, Field(min_length=1, max_length=1), Means("-", "between columns; a space is any number of blanks")
+        str, Field(min_length=1, max_length=1), Means("between columns; a space is any number of blanks")
     ] = ","
-    decimal: Annotated[Literal[".", ","], Means("-", "decimal mark")] = "."
-    thousands: Annotated[Literal["", ",", ".", " ", "'"], Means("-", "mark between thousands")] = ""
-    encoding: Annotated[str, Means("-", "of the text")] = "utf-8"
-    skip_rows: Annotated[int, Field(ge=0, le=1000), Means("rows", "above the names of the columns")] = 0
+    decimal: Annotated[Literal[".", ","], Means("decimal mark")] = "."
+    thousands: Annotated[Literal["", ",", ".", " ", "'"], Means("mark between thousands")] = ""
+    encoding: Annotated[str, Means("of the text")] = "utf-8"
+    skip_rows: Annotated[int, Field(ge=0, le=1000), Means("above the names of the columns", "rows")] = 0
     header_rows: Annotated[
-        int, Field(ge=1, le=5), Means("rows", "that make the names of the columns together")
+        int, Field(ge=1, le=5), Means("that make the names of the columns together", "rows")
     ] = 1
-    unit_rows: Annotated[int, Field(ge=0, le=10), Means("rows", "between the names and the data")] = 0
+    unit_rows: Annotated[int, Field(ge=0, le=10), Means("between the names and the data", "rows")] = 0
     footer_rows: Annotated[
         int,
         Field(ge=0, le=20),
-        Means("rows", "last lines of a file that hold no data, at most; a line with a time is none of them"),
+        Means("last lines of a file that hold no data, at most; a line with a time is none of them", "rows"),
     ] = 0
     columns: Annotated[
-        list[str], Field(max_length=1000), Means("-", "names of the columns of files that have none")
+        list[str], Field(max_length=1000), Means("names of the columns of files that have none")
     ] = []
-    comment: Annotated[str, Field(max_length=3), Means("-", "how lines begin that hold no data")] = ""
-    ignore: Annotated[list[str], Means("-", "columns that look like flags and are none")] = []
+    comment: Annotated[str, Field(max_length=3), Means("how lines begin that hold no data")] = ""
+    ignore: Annotated[list[str], Means("columns that look like flags and are none")] = []
     repeated_header: Annotated[
-        Literal["error", "drop"], Means("-", "a header again between the data: an error, or dropped")
+        Literal["error", "drop"], Means("a header again between the data: an error, or dropped")
     ] = "error"
-    missing: Annotated[list[str], Means("-", "texts that mean not measured")] = [
-        "", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---",
+    missing: Annotated[list[str], Means("texts that mean not measured")] = [
+        "", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"
     ]  # fmt: skip
-    sentinels: Annotated[list[float], Means("-", "numbers that mean not measured")] = []
-    not_sentinels: Annotated[list[float], Means("-", "numbers that look like it and are measured")] = []
+    sentinels: Annotated[list[float], Means("numbers that mean not measured")] = []
+    not_sentinels: Annotated[list[float], Means("numbers that look like it and are measured")] = []
     max_gap: Annotated[
-        float, Field(ge=0, le=86_400), Means("s", "longest gap that is bridged; a longer one fails the day")
+        float, Field(ge=0, le=86_400), Means("longest gap that is bridged; a longer one fails the day", "s")
     ] = 600.0
     max_filled: Annotated[
-        float, Field(ge=0, le=1), Means("-", "largest share of a day's samples that may bridge gaps")
+        float, Field(ge=0, le=1), Means("largest share of a day's samples that may bridge gaps")
     ] = 0.2
 
     @field_validator("units", "stamp", "interval", "quality", "hold")

@@ -73,7 +73,8 @@ def _spelt(seconds: Sequence[float]) -> tuple[list[str], str]:
     if max(seconds) < SECONDS_BELOW:
         return [f"{s:.3g}" for s in seconds], "s"
     unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
-    return spelt([s / size for s in seconds]), unit
+    values = [s / size for s in seconds]  # no decimal from 100 on
+    return [f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values], unit
 
 
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
@@ -84,15 +85,6 @@ def duration(seconds: Sequence[float], joint: str = "to") -> str:
     """
     texts, unit = _spelt(seconds)
     return f"{listed(list(dict.fromkeys(texts)), joint)} {unit}"
-
-
-def spelt(values: Sequence[float]) -> list[str]:
-    """Durations without their unit: no decimal from 100 on.
-
-    >>> spelt([25, 13.33, 365.2, 0.05])
-    ['25.0', '13.3', '365', '0.05']
-    """
-    return [f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values]
 
 
 def samples(values: Sequence[float]) -> str:

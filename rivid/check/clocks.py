@@ -86,7 +86,7 @@ def clocks(record: Record, fits: Fits) -> list[Finding]:
 
 def _believed(record: Record, fits: Fits) -> dict[dt.date, Fit]:
     """Return the believed fits; for a river, without the lag's dependence on the flow."""
-    believed = fits.believed
+    believed = {date: fit for date, fit in fits.right.items() if fit.explained >= BELIEVED}
     if record.reach.kind == "pool" or len(believed) < 2 * FEW["river"]:
         return believed
     flow = np.log([max(float(record.days[date]["u_Qi"].mean()), 1e-3) for date in believed])

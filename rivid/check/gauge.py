@@ -86,15 +86,11 @@ def _still(record: Record, fits: Fits) -> Spells:
     # the second longest: a day's longest spell may be the fault
     usual = np.median([spells[1][1] - spells[1][0] if len(spells) > 1 else 1 for spells in every.values()])
     least = max(SHORTEST, SAMPLES * record.step, LONGER * float(usual) * record.step)
-    still = {}
+    still: Spells = {}
     for date, spells in every.items():
-        long = [
-            (first, last)
-            for first, last in spells[:MOST]
-            if (last - first) * record.step >= least and _moved(record, fits, date, first, last)
-        ]
-        if long:
-            still[date] = sorted(long)
+        for first, last in sorted(spells[:MOST]):
+            if (last - first) * record.step >= least and _moved(record, fits, date, first, last):
+                still.setdefault(date, []).append((first, last))
     return still
 
 

@@ -187,11 +187,6 @@ class Fits:
                 self.right[date] = self.best(sums)
                 self.reverse[date] = self.best(sums, -1)
 
-    @property
-    def believed(self) -> dict[dt.date, Fit]:
-        """The fits that explain enough."""
-        return {date: fit for date, fit in self.right.items() if fit.explained >= BELIEVED}
-
     @cached_property
     def together(self) -> tuple[Fit, Fit]:
         """The fits to all days at once, the right way round and reversed."""

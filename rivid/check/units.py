@@ -153,11 +153,8 @@ class Flows:
         area, _ = self.record.area
         if self.record.balanced and self.fit.explained >= BELIEVED:
             area = 2.0 / (self.fit.gain_in - self.fit.gain_out)
-        stored = {}
-        for date, day in self.record.days.items():
-            level = day["h_L"]
-            stored[date] = area * float(level[-1] - level[0]) / (len(day) * self.record.step)
-        return stored
+        levels = {date: day["h_L"] for date, day in self.record.days.items()}
+        return {d: area * float(h[-1] - h[0]) / (len(h) * self.record.step) for d, h in levels.items()}
 
     def _in_rows(self, dates: list[dt.date]) -> list[dt.date]:
         """Return the dates that are consecutive days, or all of them if they are most of the record."""

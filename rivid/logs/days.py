@@ -14,7 +14,6 @@ from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -25,7 +24,6 @@ from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.log import Log, load
 from rivid.logs.spec import (
     DAY,
-    LAST_ZONE,
     MICRO,
     CutError,
     Signal,
@@ -75,11 +73,6 @@ class FileFacts:
     settings: str = ""  # digest of the settings that this was found with
     # of `days`, those of which the file holds no more than the row at one of their midnights
     edges: list[str] = field(default_factory=list)
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
-        """From the attributes as JSON holds them."""
-        return cls(**{**value, "days": None if value["days"] is None else dict(value["days"])})
 
 
 @dataclass(frozen=True)
@@ -284,13 +277,7 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo) -> Grid:
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    return Grid(start, end, start + _instants(count, period), zone)
-
-
-@lru_cache(maxsize=16)
-def _instants(count: int, period: float) -> Ints:
-    """k T_s [us], shape (count,)."""
-    return np.asarray(np.rint(np.arange(count) * (period * MICRO)), np.int64)
+    return Grid(start, end, start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64), zone)
 
 
 def sampled(
@@ -307,8 +294,7 @@ def sampled(
             _refuse_supposed(times, signal, spec)
         samples[signal.name], bridged = on_grid(times, values, grid, signal, spec)
         filled |= bridged
-    if filled.any():
-        _refuse_filled(filled, series, spec)
+    _refuse_filled(filled, series, spec)
     return samples, int(filled.sum())
 
 
@@ -440,6 +426,8 @@ def _span(micros: int) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
+LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
+"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
 OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 
@@ -577,9 +565,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
             if b - a == ONE_DAY:
                 raise DataError(f"{a} and {b} {OFFSETS}")
             raise DataError(f"{a} and {b} are not consecutive days")
-    series = days[0][0]
-    if len(days) > 1:
-        series = {name: _join([day[name] for day, _ in days]) for name in series}
+    series = {name: _join([day[name] for day, _ in days]) for name in days[0][0]}
     start, end = span or (bounds[0][0], bounds[-1][1])
     if span:
         series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import reduce
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -170,8 +171,7 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
     for row, text in columns.why.get(name, {}).items():
         of_text = ValueStatus.MISSING if text in EMPTY else ValueStatus.STATUS
         statuses[row] = ValueStatus.FLAG if text.startswith(FLAG) else of_text
-    if spec.input.sentinels:
-        statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
+    statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
     return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
 
 
@@ -235,16 +235,13 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
 def ledger_lines(ledger: dict[str, Any]) -> Iterable[str]:
     """The account as a table."""
     names, sources = [name[:24] for name in ledger["sources"]], list(ledger["sources"].values())
-    dropped = {word: [source["dropped"].get(word, 0) for source in sources] for word in REASONS}
-    rows = {"read": [source["read"] for source in sources]}
-    rows |= {word: counts for word, counts in dropped.items() if any(counts)}
-    rows["used"] = [source["used"] for source in sources]
-    if any(source["sorted"] for source in sources):
-        rows["out of order, sorted"] = [source["sorted"] for source in sources]
     widths = [max(len(name), 9) for name in names]
     yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
-    for word, counts in rows.items():
-        yield "  ".join([f"{word:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
+    for word in ("read", *REASONS, "used", "sorted"):
+        counts = [source.get(word, source["dropped"].get(word, 0)) for source in sources]
+        if word in ("read", "used") or any(counts):
+            label = "out of order, sorted" if word == "sorted" else word
+            yield "  ".join([f"{label:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
 
 
 Origins = list[tuple[Series, Ints]]
@@ -321,18 +318,14 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
                 matched[part.name][:] = True
             continue
         rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
-        common = parts[0].times[rows[0]]
-        for part, there in zip(parts[1:], rows[1:], strict=True):
-            common = np.intersect1d(common, part.times[there], assume_unique=True)
-        kept = [there[np.isin(part.times[there], common)] for part, there in zip(parts, rows, strict=True)]
-        total = parts[0].values[kept[0]]
-        for part, there in zip(parts[1:], kept[1:], strict=True):
-            total = total + part.values[there]
-        for part, there in zip(parts, kept, strict=True):
-            matched[part.name][there] = True
-        values = total * signal.factor if signal.factor != 1.0 else total
+        stamps = [part.times[there] for part, there in zip(parts, rows, strict=True)]
+        common = reduce(np.intersect1d, stamps)
+        kept = [there[np.isin(times, common)] for times, there in zip(stamps, rows, strict=True)]
         origins = list(zip(parts, kept, strict=True))
-        columns.append(Canonical(signal, common - signal.shift, values, origins))
+        for part, there in origins:
+            matched[part.name][there] = True
+        total = reduce(np.add, [part.values[there] for part, there in origins])
+        columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
     for name, found in matched.items():
         alone = ~found & (series[name].statuses == ValueStatus.USED)
         series[name].statuses[alone] = ValueStatus.UNMATCHED
@@ -406,19 +399,17 @@ def judge(
     if own:
         more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
         day.status, day.reason = "refused", f"{own[0].text}{more}"
-        begin, end = day_bounds(date, zone)
-        still = end == begin + 86_400 * MICRO and clocks_change(date)  # else the zone sets its own back
+        # on a longer day the zone sets its own clock back
+        still = grid.end == grid.start + 86_400 * MICRO and clocks_change(date)
         if given and still and " is logged twice " in own[0].text:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
-        return day, rows
-    if not whole:
-        return day, rows
-    try:
-        _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
-    except DataError as error:
-        unfinished = isinstance(error, TrailingGap) and date >= today
-        day.status = "pending" if unfinished else "refused"
-        day.reason = str(error) + _advice(columns, series, grid)
+    elif whole:
+        try:
+            _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
+        except DataError as error:
+            unfinished = isinstance(error, TrailingGap) and date >= today
+            day.status = "pending" if unfinished else "refused"
+            day.reason = str(error) + _advice(columns, series, grid)
     return day, rows
 
 

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -267,9 +267,7 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
         _mark(np.isinf(numbers[name]), bad, f"column {name!r} holds an infinite number")
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
-    empty = np.zeros(len(good), bool)
-    if all(column.null_count for column in table.columns):
-        empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
+    empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
     for i in np.flatnonzero(empty).tolist():
         bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
@@ -331,11 +329,8 @@ NEAR = 0.1
 """A number that is off by less than the range of the values and this part of the largest is taken as data."""
 FARTHER = 2.0
 """Number of such distances by which a number of :data:`ROUND` must be off."""
-_NEGATIVE = frozenset(s for s in SENTINELS if s < 0)
-_POSITIVE = frozenset(s for s in SENTINELS if s > 0)
-_LEAST, _MOST = max(_NEGATIVE), min(_POSITIVE)
+_LEAST, _MOST = max(s for s in SENTINELS if s < 0), min(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
-_LONGEST_DAY = 26 * _HOUR
 
 _kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
@@ -442,19 +437,17 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
-    log = None if fresh else _kept.get(key)
+    log = None if fresh else _kept.pop(key, None)
     if log is None:
         try:
-            table = read_table(path, name, spec, DAY if is_day_file(path.name) else MANY)
-            log = _kept[key] = make_log(table, spec)
+            log = make_log(read_table(path, name, spec, DAY if is_day_file(path.name) else MANY), spec)
         except MemoryError:
             raise DataError(f"{name} does not fit into memory ({status.st_size / 1e6:,.0f} MB)") from None
-        while len(_kept) > KEPT_FILES or (
-            len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
-        ):
-            del _kept[next(iter(_kept))]
-    else:
-        _kept[key] = _kept.pop(key)
+    _kept[key] = log
+    while len(_kept) > KEPT_FILES or (
+        len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
+    ):
+        del _kept[next(iter(_kept))]
     return log
 
 
@@ -584,17 +577,15 @@ def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fa
 
 def _total(signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]]) -> Floats:
     """A canonical column from those of the log: sentinels masked, summed, in SI units."""
-    total: Floats | None = None
+    parts = []
     for source in signal.sources:
         values = columns.numbers[source]
-        if spec.input.sentinels:
-            masked = np.isin(values, spec.input.sentinels)
-            if masked.any():
-                events.setdefault("sentinels masked", []).extend(np.flatnonzero(masked).tolist())
-                values = np.where(masked, np.nan, values)
-        total = values if total is None else total + values
-    assert total is not None
-    return total if signal.factor == 1.0 else total * signal.factor
+        masked = np.isin(values, spec.input.sentinels)
+        if masked.any():
+            events.setdefault("sentinels masked", []).extend(np.flatnonzero(masked).tolist())
+            values = np.where(masked, np.nan, values)
+        parts.append(values)
+    return reduce(np.add, parts) * signal.factor
 
 
 def repeated(
@@ -608,14 +599,6 @@ def repeated(
             text = f"{moment} is logged twice with different {name}: {values[old]:.6g} and {values[new]:.6g}"
             faults.append(Fault(int(times[new]), f"{place(new)}: {text} ({place(old)})"))
     return again, faults
-
-
-def may_hold(values: Floats) -> bool:
-    """Whether sentinels may be among the values; fast, as every column of every log is checked.
-
-    A sentinel far from all other values is the least or the greatest of them.
-    """
-    return float(np.fmin.reduce(values)) in _NEGATIVE or float(np.fmax.reduce(values)) in _POSITIVE
 
 
 def sentinels_in(values: Floats) -> list[float]:
@@ -640,7 +623,6 @@ def _is_far(sentinel: float, others: Floats) -> bool:
 
 def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
     """Faults at rows: values beyond any river, and each day's undeclared sentinels; times (n,) [us UTC]."""
-    many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
     given, found, faults = spec.input, [], []
     for source in spec.sources:
         if source not in columns.numbers:
@@ -654,9 +636,8 @@ def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[
                 size = f"{source} = {values[row] * signal.factor:.3g} {unit}"
                 text = f"{columns.place(row)}: {size} is beyond any river: check [input.units], or add the "
                 faults.append(Fault(row, f"{text}value to [input] sentinels"))
-        small = low > _LEAST and high < _MOST
-        if small or not (many_days or may_hold(values)):
-            continue
+        if low > _LEAST and high < _MOST:
+            continue  # no sentinel lies between
         there = ~np.isin(values, given.sentinels)
         suspects = there & np.isin(values, SENTINELS)
         hours = np.unique(times[suspects] // _HOUR) * _HOUR

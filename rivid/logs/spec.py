@@ -23,7 +23,7 @@ from rivid.config import Config
 from rivid.errors import ConfigError, DataError
 from rivid.input_config import FLOWS, UNITS, InputConfig
 from rivid.logs import suffix_of
-from rivid.types import Ints
+from rivid.types import ONE_DAY, Ints
 
 MICRO = 1_000_000
 """Microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare."""
@@ -191,20 +191,12 @@ UNIX = {"unix": MICRO, "unix_ms": 1000}
 """Time formats that count seconds or milliseconds of UTC since 1970, as [us]."""
 
 
-LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
-"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
-
-
 @lru_cache(maxsize=4096)
 def day_bounds(date: dt.date, zone: dt.tzinfo) -> tuple[int, int]:
     """First instant of a local day and of the next one [us UTC]; 23 or 25 h apart when clocks change."""
-    return _midnight(date, zone), _midnight(date + dt.timedelta(days=1), zone)
-
-
-@lru_cache(maxsize=4096)
-def _midnight(date: dt.date, zone: dt.tzinfo) -> int:
-    midnight = dt.datetime(date.year, date.month, date.day, tzinfo=zone)
-    return round(midnight.timestamp()) * MICRO
+    midnights = (dt.datetime.combine(day, dt.time(), zone) for day in (date, date + ONE_DAY))
+    start, end = (round(midnight.timestamp()) * MICRO for midnight in midnights)
+    return start, end
 
 
 def local(time: int, zone: dt.tzinfo) -> dt.datetime:
@@ -358,7 +350,6 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
             packed = _in_chunks(file, status.st_size + 1, most)
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
-    refuse_size(name, len(packed), most)
     content = packed
     if packed and name.lower().endswith(".gz"):
         try:
@@ -368,7 +359,7 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
             raise CutError(f"{name} is cut off: the gzip stream does not end") from None
         except (OSError, zlib.error) as error:
             raise DataError(f"{name} is not a sound gzip file: {error}") from None
-        refuse_size(name, len(content), most)
+    refuse_size(name, len(content), most)
     if not content:
         raise CutError(f"{name} is empty")
     return content, sha256(packed).hexdigest()

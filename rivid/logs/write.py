@@ -3,7 +3,7 @@
 import datetime as dt
 import gzip
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rivid.atomic import replacing
-from rivid.errors import RividError
 from rivid.logs.spec import MICRO, local
 from rivid.types import Floats, Ints
 
@@ -38,13 +37,12 @@ def write_days(
     The days are in date order. Their columns, of shape (N,), are some of u_Qi, u_Qo, Q_L [m3/s], h_L [m],
     alike in all days of a file; NaN is written as an empty cell or null. The first sample is at local
     midnight, which is `offset` from UTC; times at T_s, `sample_time` [s], are rounded to the millisecond.
-    Returns the files, in date order. RividError where a column is not canonical or of another length, or the
-    disk refuses.
+    Returns the files, in date order. RividError where the disk refuses.
     """
     paths, zone = [], dt.timezone(offset)
     for stem, group in groupby(days, key=lambda day: stem_of(day[0], layout)):
         listed = list(group)
-        names = _names(listed)
+        names = list(listed[0][1])
         times = []
         for date, columns in listed:
             midnight = round(dt.datetime.combine(date, dt.time(), zone).timestamp())
@@ -62,22 +60,6 @@ def write_days(
 def stem_of(date: dt.date, layout: Layout) -> str:
     """Name, without its ending, of the file that holds a day."""
     return date.isoformat() if layout == "day" else f"{date:%Y-%m}"
-
-
-def _names(days: Sequence[Day]) -> tuple[str, ...]:
-    """Columns of the file, in canonical order; the same on all its days."""
-    first = set(days[0][1])
-    for date, columns in days:
-        if set(columns) - set(COLUMNS) or not columns:
-            raise RividError(f"{date}: columns {sorted(columns)}; expected some of {', '.join(COLUMNS)}")
-        if set(columns) != first:
-            raise RividError(
-                f"{date}: columns {sorted(columns)}, and {sorted(first)} on other days in one file"
-            )
-        lengths = {name: len(values) for name, values in columns.items()}
-        if len(set(lengths.values())) > 1:
-            raise RividError(f"{date}: columns of different lengths {lengths}")
-    return tuple(name for name in COLUMNS if name in first)
 
 
 def rows_as_bytes(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo, format: Format) -> bytes:
@@ -117,14 +99,12 @@ def _parquet(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo) -> byt
     unit = "us" if (times % 1000).any() else "ms"
     name = getattr(zone, "key", None) or local(int(times[0]), zone).isoformat()[19:]
     stamp = pa.timestamp(unit, tz=name)
-    arrays = [pa.array(times if unit == "us" else times // 1000).cast(stamp)]
-    fields = [pa.field("time", stamp, nullable=False)]
-    for column, values in columns.items():
-        arrays.append(pa.array(values, from_pandas=True))  # NaN becomes null
-        fields.append(pa.field(column, pa.float64()))
+    clock = pa.array(times if unit == "us" else times // 1000).cast(stamp)
+    numbers = [pa.array(values, from_pandas=True) for values in columns.values()]  # NaN becomes null
+    schema = [pa.field("time", stamp, nullable=False), *((name, pa.float64()) for name in columns)]
     sink = io.BytesIO()
     pq.write_table(
-        pa.table(arrays, schema=pa.schema(fields)),
+        pa.table([clock, *numbers], pa.schema(schema)),
         sink,
         compression="zstd",
         compression_level=9,

@@ -138,7 +138,7 @@ def make_plan(
     """
     facts: dict[str, FileFacts] = {}
     with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
-        facts = {path: FileFacts.from_json(value) for path, value in (known or {}).items()}
+        facts = {path: FileFacts(**value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
         facts |= _looked_ahead(logs.unread(data_dir, facts), config, engine)
     catalog = logs.find_days(data_dir, config, facts, verify=options.verify)

@@ -28,10 +28,10 @@ class ReachScenario(ReachConfig):
 
     wave_depth: Annotated[
         Positive,
-        Means("m", "depth that gives the wave's celerity, v + sqrt(g depth): a pool is deep near its dam"),
+        Means("depth that gives the wave's celerity, v + sqrt(g depth): a pool is deep near its dam", "m"),
     ] = 4.9
-    inflow_gain: Annotated[Positive, Means("-", "K_i: real flow over command at the upstream dam")] = 1.0
-    outflow_gain: Annotated[Positive, Means("-", "K_o: the same at the downstream dam")] = 1.0
+    inflow_gain: Annotated[Positive, Means("K_i: real flow over command at the upstream dam")] = 1.0
+    outflow_gain: Annotated[Positive, Means("K_o: the same at the downstream dam")] = 1.0
 
     @model_validator(mode="after")
     def _a_pool(self) -> "ReachScenario":
@@ -49,37 +49,37 @@ class ChannelScenario(Section):
     The length and the mean width are those of `[reach]`; modes are amplitudes of cos(j pi x / L).
     """
 
-    bed_level: Annotated[float, Field(allow_inf_nan=False), Means("m", "bed at the downstream dam")] = 124.8
-    slope: Annotated[float, Field(ge=-0.01, le=0.05), Means("-", "fall of the bed")] = 1e-4
-    manning: Annotated[float, Field(ge=0.005, le=0.2), Means("s/m^(1/3)", "Manning's n")] = 0.025
+    bed_level: Annotated[float, Field(allow_inf_nan=False), Means("bed at the downstream dam", "m")] = 124.8
+    slope: Annotated[float, Field(ge=-0.01, le=0.05), Means("fall of the bed")] = 1e-4
+    manning: Annotated[float, Field(ge=0.005, le=0.2), Means("Manning's n", "s/m^(1/3)")] = 0.025
     side_slope: Annotated[
-        float, Field(ge=0, le=20), Means("-", "run of the banks for each metre up; 0 is a rectangle")
+        float, Field(ge=0, le=20), Means("run of the banks for each metre up; 0 is a rectangle")
     ] = 0.0
-    width_modes: Annotated[Modes, Means("-", "modes of the logarithm of the width")] = ()
-    bed_modes: Annotated[Modes, Means("m", "modes of the bed's level")] = ()
-    manning_modes: Annotated[Modes, Means("-", "modes of the logarithm of n")] = ()
-    cells: Annotated[int, Field(ge=4, le=2000), Means("-", "cells along the reach")] = 32
-    courant: Annotated[float, Field(gt=0, le=0.6), Means("-", "Courant number of the usual time step")] = 0.5
-    step: Annotated[Positive | None, Means("s", "time step; not given: from `courant`")] = None
-    gate_time: Annotated[NotNegative, Means("s", "that a gate needs from one command to the next")] = 30.0
+    width_modes: Annotated[Modes, Means("modes of the logarithm of the width")] = ()
+    bed_modes: Annotated[Modes, Means("modes of the bed's level", "m")] = ()
+    manning_modes: Annotated[Modes, Means("modes of the logarithm of n")] = ()
+    cells: Annotated[int, Field(ge=4, le=2000), Means("cells along the reach")] = 32
+    courant: Annotated[float, Field(gt=0, le=0.6), Means("Courant number of the usual time step")] = 0.5
+    step: Annotated[Positive | None, Means("time step; not given: from `courant`", "s")] = None
+    gate_time: Annotated[NotNegative, Means("that a gate needs from one command to the next", "s")] = 30.0
 
 
 class FlowScenario(Section):
     """`[flow]`: the mean discharge of the days."""
 
-    mean: Annotated[Positive, Means("m3/s", "of a usual day of the year")] = 300.0
-    lowest: Annotated[Positive, Means("m3/s", "lowest daily mean")] = 100.0
-    highest: Annotated[Positive, Means("m3/s", "highest daily mean")] = 800.0
+    mean: Annotated[Positive, Means("of a usual day of the year", "m3/s")] = 300.0
+    lowest: Annotated[Positive, Means("lowest daily mean", "m3/s")] = 100.0
+    highest: Annotated[Positive, Means("highest daily mean", "m3/s")] = 800.0
     seasonal: Annotated[
-        NotNegative, Means("-", "how far the high-water season lies above the rest, in logarithms")
+        NotNegative, Means("how far the high-water season lies above the rest, in logarithms")
     ] = 0.35
-    peak_day: Annotated[int, Field(ge=1, le=366), Means("day", "of the year, on which high water peaks")] = (
+    peak_day: Annotated[int, Field(ge=1, le=366), Means("of the year, on which high water peaks", "day")] = (
         155
     )
-    variability: Annotated[
-        NotNegative, Means("-", "wet and dry spells: standard deviation of the logarithm")
-    ] = 0.3
-    memory_days: Annotated[Positive, Means("days", "how long a spell lasts")] = 8.0
+    variability: Annotated[NotNegative, Means("wet and dry spells: standard deviation of the logarithm")] = (
+        0.3
+    )
+    memory_days: Annotated[Positive, Means("how long a spell lasts", "days")] = 8.0
 
     @model_validator(mode="after")
     def _ordered(self) -> "FlowScenario":
@@ -94,20 +94,20 @@ class FlowScenario(Section):
 class ProgrammeScenario(Section):
     """`[programme]`: the commands of the dispatcher of the upstream dam."""
 
-    swing: Annotated[NotNegative, Means("m3/s", "from the night's load to the peaks")] = 110.0
-    swing_spread: Annotated[NotNegative, Means("-", "relative, from day to day")] = 0.3
-    weekend: Annotated[NotNegative, Means("-", "share of the swing on Saturdays and Sundays")] = 0.7
-    jitter: Annotated[NotNegative, Means("s", "by which the load's corners move from day to day")] = 1200.0
-    corrections: Annotated[NotNegative, Means("m3/s", "standard deviation of the load-following on top")] = (
+    swing: Annotated[NotNegative, Means("from the night's load to the peaks", "m3/s")] = 110.0
+    swing_spread: Annotated[NotNegative, Means("relative, from day to day")] = 0.3
+    weekend: Annotated[NotNegative, Means("share of the swing on Saturdays and Sundays")] = 0.7
+    jitter: Annotated[NotNegative, Means("by which the load's corners move from day to day", "s")] = 1200.0
+    corrections: Annotated[NotNegative, Means("standard deviation of the load-following on top", "m3/s")] = (
         8.0
     )
-    correction_memory: Annotated[Positive, Means("s", "time over which its correlation falls to 1/e")] = 600.0
-    activity: Annotated[
-        float, Field(gt=0, le=1), Means("-", "share of samples on which the dispatcher acts")
-    ] = 0.4
-    ramp: Annotated[Positive, Means("m3/s", "largest move from one sample to the next")] = 20.0
-    quantum: Annotated[Positive, Means("m3/s", "step of the commands")] = 1.0
-    lowest: Annotated[NotNegative, Means("m3/s", "smallest command")] = 40.0
+    correction_memory: Annotated[Positive, Means("time over which its correlation falls to 1/e", "s")] = 600.0
+    activity: Annotated[float, Field(gt=0, le=1), Means("share of samples on which the dispatcher acts")] = (
+        0.4
+    )
+    ramp: Annotated[Positive, Means("largest move from one sample to the next", "m3/s")] = 20.0
+    quantum: Annotated[Positive, Means("step of the commands", "m3/s")] = 1.0
+    lowest: Annotated[NotNegative, Means("smallest command", "m3/s")] = 40.0
 
 
 class OperatorsScenario(Section):
@@ -138,41 +138,39 @@ class OperatorsScenario(Section):
 class LevelScenario(Section):
     """`[level]`: the level aimed at, and the gauge."""
 
-    set_point: Annotated[float, Field(allow_inf_nan=False), Means("m", "level aimed at")] = 130.0
+    set_point: Annotated[float, Field(allow_inf_nan=False), Means("level aimed at", "m")] = 130.0
     drawdown: Annotated[
-        NotNegative, Means("m per 100 m3/s", "how much lower it is for flow above `drawdown_from`")
+        NotNegative, Means("how much lower it is for flow above `drawdown_from`", "m per 100 m3/s")
     ] = 0.2
     drawdown_from: Annotated[
-        Positive, Means("m3/s", "mean flow of the day from which the level is drawn down")
+        Positive, Means("mean flow of the day from which the level is drawn down", "m3/s")
     ] = 400.0
-    noise: Annotated[NotNegative, Means("m", "standard deviation of the gauge's white noise")] = 0.003
-    quantum: Annotated[NotNegative, Means("m", "step of the gauge")] = 0.01
+    noise: Annotated[NotNegative, Means("standard deviation of the gauge's white noise", "m")] = 0.003
+    quantum: Annotated[NotNegative, Means("step of the gauge", "m")] = 0.01
     lag: Annotated[
-        NotNegative, Means("s", "time constant of the stilling well, in the logs; operators see the water")
+        NotNegative, Means("time constant of the stilling well, in the logs; operators see the water", "s")
     ] = 0.0
-    set_points_per_week: Annotated[NotNegative, Means("1/week", "how often the level aimed at changes")] = 0.0
+    set_points_per_week: Annotated[NotNegative, Means("how often the level aimed at changes", "1/week")] = 0.0
     set_point_step: Annotated[
-        NotNegative, Means("m", "standard deviation of these levels about the set-point")
+        NotNegative, Means("standard deviation of these levels about the set-point", "m")
     ] = 0.05
-    gaps_per_day: Annotated[NotNegative, Means("1/day", "how often the gauge gives no reading")] = 0.0
-    gap_length: Annotated[Positive, Means("s", "mean length of a gap")] = 300.0
+    gaps_per_day: Annotated[NotNegative, Means("how often the gauge gives no reading", "1/day")] = 0.0
+    gap_length: Annotated[Positive, Means("mean length of a gap", "s")] = 300.0
 
 
 class WeatherScenario(Section):
     """`[weather]`: a slow inflow that no log holds, an AR(1)."""
 
-    inflow: Annotated[NotNegative, Means("m3/s", "standard deviation")] = 2.0
-    memory: Annotated[Positive, Means("s", "time over which its correlation falls to 1/e")] = 21_600.0
-    place: Annotated[Share, Means("-", "where it enters: 0 at the upstream dam, 1 at the downstream one")] = (
-        1.0
-    )
+    inflow: Annotated[NotNegative, Means("standard deviation", "m3/s")] = 2.0
+    memory: Annotated[Positive, Means("time over which its correlation falls to 1/e", "s")] = 21_600.0
+    place: Annotated[Share, Means("where it enters: 0 at the upstream dam, 1 at the downstream one")] = 1.0
 
 
 class OutputScenario(Section):
     """`[output]`: the daily logs."""
 
-    format: Annotated[Format, Means("-", "of the files")] = "parquet"
-    layout: Annotated[Layout, Means("-", "a file a day, or a file a month")] = "day"
+    format: Annotated[Format, Means("of the files")] = "parquet"
+    layout: Annotated[Layout, Means("a file a day, or a file a month")] = "day"
 
 
 def _an_effect(table: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
@@ -191,12 +189,12 @@ class Scenario(Section):
     fed by the outflow of the one before.
     """
 
-    name: Annotated[str, Means("-", "of the scenario")] = Field("simulated", pattern=NAME, max_length=80)
-    first_day: Annotated[dt.date, Means("-", "date of the first day")] = dt.date(2008, 1, 1)
-    days: Annotated[int, Field(ge=1, le=40_000), Means("days", "length of the season")] = 366
-    missing_days: Annotated[int, Field(ge=0), Means("days", "without a log, drawn from the seed")] = 0
-    utc_offset: Annotated[str, Means("-", "of local time, the same all year")] = "+01:00"
-    seed: Annotated[int, Field(ge=0), Means("-", "the same seed gives the same season")] = 0
+    name: Annotated[str, Means("of the scenario")] = Field("simulated", pattern=NAME, max_length=80)
+    first_day: Annotated[dt.date, Means("date of the first day")] = dt.date(2008, 1, 1)
+    days: Annotated[int, Field(ge=1, le=40_000), Means("length of the season", "days")] = 366
+    missing_days: Annotated[int, Field(ge=0), Means("without a log, drawn from the seed", "days")] = 0
+    utc_offset: Annotated[str, Means("of local time, the same all year")] = "+01:00"
+    seed: Annotated[int, Field(ge=0), Means("the same seed gives the same season")] = 0
     reach: ReachScenario = ReachScenario()
     flow: FlowScenario = FlowScenario()
     programme: ProgrammeScenario = ProgrammeScenario()
@@ -206,19 +204,19 @@ class Scenario(Section):
     output: OutputScenario = OutputScenario()
     channel: ChannelScenario | None = None
     effects_file: Annotated[
-        Path | None, Means("-", "a Python file with your own effects, next to the scenario")
+        Path | None, Means("a Python file with your own effects, next to the scenario")
     ] = None
     effects: Annotated[
         tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...],
-        Means("-", "tables `[[effects]]`: what is hidden, see the effects"),
+        Means("tables `[[effects]]`: what is hidden, see the effects"),
     ] = ()
     calibration: Annotated[
         dict[str, Any] | None,
-        Means("-", "table of a diagnosis' model.toml, for `forecast` and `export`; not simulated"),
+        Means("table of a diagnosis' model.toml, for `forecast` and `export`; not simulated"),
     ] = None
     cascade: Annotated[
         tuple[dict[str, Any], ...],
-        Means("-", "tables `[[cascade]]`: what differs from reach to reach, each fed by the one before"),
+        Means("tables `[[cascade]]`: what differs from reach to reach, each fed by the one before"),
     ] = ()
 
     @field_validator("utc_offset")

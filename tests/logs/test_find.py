@@ -93,9 +93,7 @@ def test_changing_one_cell_changes_one_day(many):
 
 def test_known_files_are_neither_hashed_nor_opened(many, monkeypatch):
     before = find_days(many / "many", config())
-    known = {
-        name: FileFacts.from_json(json.loads(json.dumps(vars(facts)))) for name, facts in before.files.items()
-    }
+    known = {name: FileFacts(**json.loads(json.dumps(vars(facts)))) for name, facts in before.files.items()}
     monkeypatch.setattr("rivid.logs.days.load", None)
     assert find_days(many / "many", config(), known).days == before.days
     monkeypatch.undo()

@@ -130,14 +130,3 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
         put(tmp_path, u_Qi=columns(1)["u_Qi"])
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
-
-
-def test_columns_that_cannot_be_written_are_refused(tmp_path):
-    with pytest.raises(RividError, match=r"columns \['Q'\]; expected some of u_Qi, u_Qo, h_L, Q_L"):
-        put(tmp_path, only={"Q": np.ones(3)})
-    with pytest.raises(RividError, match="different lengths"):
-        put(tmp_path, h_L=np.ones(3))
-    days = [(DATE, columns()), (DATE + dt.timedelta(days=1), {"u_Qi": np.ones(3)})]
-    with pytest.raises(RividError, match="in one file"):
-        write_days(tmp_path, days, sample_time=133.0, offset=HOUR, layout="month")
-    assert list(tmp_path.iterdir()) == []

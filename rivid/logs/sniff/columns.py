@@ -99,11 +99,8 @@ class ColumnGuess:
 def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     """Decimal mark, thousands mark, and what stays open, of the cells of all columns."""
     cells = [cell for column in columns for cell in column if re.search(r"\d", cell)]
-    counts = []
-    for decimal, thousands in MARKS:
-        reader = NumberReader((), decimal, thousands)
-        counts.append(sum(reader.read(cell) is not None for cell in cells))
-    decimal, thousands = MARKS[counts.index(max(counts))]
+    readers = [NumberReader((), *marks) for marks in MARKS]
+    best = max(readers, key=lambda reader: sum(reader.read(cell) is not None for cell in cells))
     with_comma = [cell for cell in cells if "," in cell]
     doubt = ""
     if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
@@ -111,7 +108,7 @@ def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
             doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
     if cells and all(re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", cell) for cell in cells):
         doubt = f"{cells[0]!r}: is the point a decimal mark (as taken here) or between thousands?"
-    return decimal, thousands, doubt
+    return best.decimal, best.thousands, doubt
 
 
 def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
@@ -286,11 +283,8 @@ def find_flags(layout: Layout) -> Flags:
     names = [n for i, n in enumerate(layout.names) if n and i not in layout.time_at and n not in values]
     cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
     texts = {name: set(column) for name, column in cells.items()}
-    zone_column, zones = "", {}
-    for name in names:
-        if texts[name] and texts[name] <= set(OFFSETS):
-            zone_column, zones = name, {zone: OFFSETS[zone] for zone in sorted(texts[name])}
-            break
+    zone_column = next((name for name in names if texts[name] and texts[name] <= set(OFFSETS)), "")
+    zones = {zone: OFFSETS[zone] for zone in sorted(texts.get(zone_column, ()))}
     read = {layout.value} if layout.value else {n for n in names if not _is_flag(n) and _numeric(cells[n])}
     doubtful = [
         name
