@@ -350,6 +350,23 @@ def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     assert given == [(rival, "gauge")]
 
 
+@pytest.mark.parametrize("names", ["", "leakage"])
+def test_only_where_no_effect_is_found_yet_names_are_fitted_from_the_nominal_response(monkeypatch, names):
+    """Of a season of 95 days this had taken two fifths of the time, and changed no answer of others."""
+    nothing = explained()
+    parent = nothing if not names else explained(names, 9.0, 0.5, parent=nothing)
+    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *_: [])
+    tried = []
+    search = SimpleNamespace(
+        first=nothing, record=SimpleNamespace(kind="pool"), classes={}, pool=[nothing, parent],
+        _with_unknown=lambda one: (one, []), _library=lambda _: None, _with_recurring=lambda *_: None,
+        _deepened=lambda *_: tried.append("deep") or [], _dated=lambda *_: [], _grow=lambda *_: [],
+        _with_unknown_events=lambda *_: None,
+    )  # fmt: skip
+    _Search.extend(search, parent)
+    assert bool(tried) == (not names)
+
+
 def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     """A rival got the effects of the lead, beside its own as what it extends, and the diagnosis ended."""
     candidate = SimpleNamespace(effect=CATALOGUE["leakage"](), columns=None)

@@ -112,6 +112,12 @@ EXPORTS = {
         time_format="%d/%m/%Y|%H:%M", date=dt.date(2008, 3, 25),
         declared={"time": ["Date", "Clock"], "time_format": "%d/%m/%Y %H:%M"},
     ),
+    "clock with a point": Export(  # as numbers, 22.10 and 22.1 were one clock
+        head=("Datum", "Uhrzeit", "u_Qi", "u_Qo", "h_L"), separator=";", decimal=",",
+        time_format="%d.%m.%Y|%H.%M", date=dt.date(2008, 3, 25),
+        declared={"time": ["Datum", "Uhrzeit"], "separator": ";", "decimal": ",",
+                  "time_format": "%d.%m.%Y %H.%M"},
+    ),
     "sentinels and status": Export(
         holes={(7, 2): "-999.000", (80, 2): "-999.000", (9, 0): "Eqp", (60, 1): "#N/A", (70, 1): ""},
         declared={"sentinels": [-999.0], "missing": ["", "#N/A", "Eqp"]},

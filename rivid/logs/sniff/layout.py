@@ -27,7 +27,7 @@ FORMATS: tuple[str | None, ...] = (
 """Formats of times that are tried; None is ISO 8601."""
 _DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12}
 """Length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05."""
-_CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+_CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
 """Longest step [us] between rows: the wrong order of day and month makes steps of months."""
 
