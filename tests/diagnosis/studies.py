@@ -45,6 +45,7 @@ class Made:
     others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
+    bonus: Any = None
 
     @property
     def effects(self):
