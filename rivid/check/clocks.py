@@ -150,7 +150,7 @@ def _swapped(record: Record, fit: tuple[Fit, Fit], days: list[dt.date]) -> list[
 
 
 def _drift(record: Record, believed: dict[dt.date, Fit]) -> list[Finding]:
-    """Find a clock whose offset grows every day."""
+    """Find a clock with an offset that grows every day."""
     if len(believed) < FEWEST:
         return []
     days = np.array([date.toordinal() for date in believed], float)
@@ -193,7 +193,7 @@ def _slope(x: Floats, y: Floats) -> float:
 
 
 def _late_column(record: Record, by_in: float, by_out: float) -> tuple[str, float]:
-    """Return the column whose stamps are late, and by how much [s] (negative: early); "" if it is unclear."""
+    """Return the column with late stamps, and by how much [s] (negative: early); "" if it is unclear."""
     if not record.balanced:
         return ("u_Qi", -by_in) if by_in else ("", 0.0)
     if abs(by_in - by_out) <= ALIKE:

@@ -30,9 +30,9 @@ def command(out: Path, as_json: bool, console: Console) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 
     OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
-    reaches fail, whose delay has moved in the last week, which are silent, which changed since the report
-    before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The exit code
-    is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
+    reaches fail, where the delay has moved in the last week, which are silent, which changed since the
+    report before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The
+    exit code is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
 
     \b
     Examples:

@@ -142,7 +142,7 @@ def probabilities(
     """Probability of each explanation, shape (k,), from the log densities of blocks (k, blocks).
 
     Each draw weighs the blocks by a Dirichlet distribution of `parts`, times their number: with the days of a
-    block as its parts, that of days whose scores are summed in blocks. A larger number of parts leaves more
+    block as its parts, that of days with their scores summed in blocks. A larger number of parts leaves more
     weight to an effect that acts in one block. The score of an explanation is tempered, its prior is not.
     """
     s = np.asarray(scores, float)

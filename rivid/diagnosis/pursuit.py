@@ -27,7 +27,7 @@ class Steps(NamedTuple):
 
 
 def steps_of(W: Floats, before: int, whole: bool = False) -> Steps:
-    """Steps whose Gram matrix is still empty, or whole."""
+    """Steps, and their Gram matrix, still empty or whole."""
     return Steps(W, before, W @ W.T if whole else np.empty((len(W), len(W))), np.full(len(W), whole))
 
 
@@ -130,7 +130,7 @@ def _products(steps: Steps, index: Ints, share: Floats, out: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _with(index: Ints, share: Floats, values: Floats) -> float:
-    """Product of an event with something whose products with all steps are given."""
+    """Product of an event with something, from its products with all steps."""
     total = 0.0
     for i in range(4):
         total += share[i] * values[index[i]]

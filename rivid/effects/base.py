@@ -132,7 +132,7 @@ class Trial:
 class Effect(ABC):
     """Something that a simulation of the reach lacks.
 
-    A subclass is a frozen dataclass whose fields, made by :func:`quantity`, are its parameters. `rivid
+    A subclass is a frozen dataclass; its fields, made by :func:`quantity`, are its parameters. `rivid
     simulate` applies it and `rivid diagnose` searches for it; all that either needs stands on the class.
 
     Attributes
@@ -330,7 +330,7 @@ class Effect(ABC):
         cls, key: str, unit: float, *, dates: Dates = "all", sign: int = 0, also: tuple[str, ...] = (),
         **fixed: Any,
     ) -> Trial:  # fmt: skip
-        """A trial whose coefficient is the parameter `key`; its column is computed at the value `unit`."""
+        """A trial with the parameter `key` as its coefficient; its column is computed at the value `unit`."""
 
         def make(c: Floats) -> Effect:
             return cls(**{**fixed, key: cls.clipped(key, float(c[0]))})

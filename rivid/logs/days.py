@@ -61,8 +61,8 @@ class DaySource:
 class FileFacts:
     """What is known of a file; stored, so that it is not hashed and opened again."""
 
-    # a file whose size, modification time and change time are the same is not hashed again. The change
-    # time cannot be set: it finds a file whose modification time was restored
+    # a file with the same size, modification time and change time is not hashed again. The change time
+    # cannot be set: it finds a file with a restored modification time
     size: int
     mtime_ns: int
     ctime_ns: int

@@ -547,7 +547,7 @@ def make_log(table: Table, spec: Spec) -> Log:
 
 
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
-    """The zone whose midnight begins a day; UndeclaredError where neither log nor configuration states it."""
+    """The zone of the midnight that begins a day; UndeclaredError where neither log nor configuration states it."""
     if spec.input.time_zone:
         return ZoneInfo(spec.input.time_zone)
     if not columns.aware:
@@ -568,7 +568,7 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
 
 
 def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fault]]:
-    """Times in UTC [us], and the rows whose time does not exist, or occurs twice and may not."""
+    """Times in UTC [us], and the rows with a time that does not exist, or occurs twice and may not."""
     if columns.aware:
         return columns.times, []
     times, refused = to_utc(columns.times, zone, spec.input.ambiguous)

@@ -39,7 +39,8 @@ DRAWING = (
 """Modules of a worker that draws figures."""
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
-"""A progress bar: called with the total, it gives a context whose value is called with each number done."""
+"""A progress bar: called with the total, it gives a context; the value of that is called with each
+number done."""
 
 IN_FLIGHT = 2
 """Tasks submitted per worker: while one runs, the next is at hand."""

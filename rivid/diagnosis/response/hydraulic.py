@@ -249,7 +249,7 @@ class HydraulicResponse:
         return (self, *(self.with_parameters(vector_of(self) + scatter * draw) for draw in draws))
 
     def carried(self, record: Record) -> Bools:
-        """Days whose flows the channel carries, steeper and shallower by an sd too; shape (days,)."""
+        """Days with flows that the channel carries, steeper and shallower by an sd too; shape (days,)."""
         steep = vector_of(self)
         for name, way in (("depth", -1.0), ("fall", 1.0)):
             i = SHAPE.index(name)

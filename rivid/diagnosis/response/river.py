@@ -28,7 +28,7 @@ TABLE, BEYOND = 4096, 2.0
 
 @dataclass(frozen=True, eq=False)
 class RiverResponse:
-    """A diffusive wave whose speed follows its own flow; it keeps its water.
+    """A diffusive wave with a speed that follows its own flow; it keeps its water.
 
     The reach is a row of N cells with the volumes V_j and the flows of a kinematic wave,
 

@@ -44,7 +44,7 @@ class Layout:
     units: tuple[str, ...]  # the first row of units; empty texts without one
     rows: list[list[str]]  # cells of the data
     comment: str = ""  # prefix of lines without data; empty for none
-    header_rows: int = 1  # rows whose cells together make the names
+    header_rows: int = 1  # the cells of these rows together make the names
     repeated: bool = False  # whether the header is repeated among the data
     blocks: list[str] = field(default_factory=list)  # the tag of each row of a ZRXP file
     zone: str = ""  # zone of its clock, where stated

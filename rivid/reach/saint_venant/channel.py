@@ -104,7 +104,7 @@ class Channel:
         )
 
     def with_area_slope(self, slope: float, level: float) -> "Channel":
-        """The same channel whose surface changes by a share of `slope` for each metre about `level`."""
+        """The same channel with a surface that changes by a share of `slope` for each metre about `level`."""
         return replace(self, area_slope=slope, area_reference=level) if slope else self
 
     @property

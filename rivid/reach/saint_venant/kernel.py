@@ -68,7 +68,7 @@ FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
 
 @njit(cache=True, error_model="numpy")
 def lay_out(W: Floats, c: Sections) -> None:
-    """Write the sections into the buffer; behind the last cell a dummy, whose face is overwritten."""
+    """Write the sections into the buffer; behind the last cell a dummy; its face is overwritten."""
     n = len(c.bed)
     for i in range(n):
         W[BED + i], W[A_0 + i], W[B_0 + i], W[S + i] = c.bed[i], c.a[i], c.b[i], c.s[i]
