@@ -547,7 +547,7 @@ def make_log(table: Table, spec: Spec) -> Log:
 
 
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
-    """The zone of the midnight that begins a day; UndeclaredError where neither log nor configuration states it."""
+    """The zone of the midnight that begins a day; UndeclaredError where neither log nor config states it."""
     if spec.input.time_zone:
         return ZoneInfo(spec.input.time_zone)
     if not columns.aware:
