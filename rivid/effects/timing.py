@@ -7,7 +7,7 @@ import numpy as np
 from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.reach.changes import Changes, Gate
 from rivid.reach.transport import arrived_volume, delayed_flow, held_volume, spread_flow
-from rivid.types import DAY, Floats
+from rivid.types import DAY, HOUR, Floats
 
 LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
@@ -126,8 +126,9 @@ class ClockOffset(_Timing):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        late = (-4.0, -1.0, 1.0, 4.0)  # [samples]
-        return [cls.trial_at("offset", k * world.sample_time, dates="between") for k in late]
+        # Where flows come in pulses, what half an offset leaves is worse than nothing.
+        late = dict.fromkeys([*(k * world.sample_time for k in (1.0, 2.0, 4.0, 8.0, 16.0)), HOUR])
+        return [cls.trial_at("offset", sign * size, dates="between") for size in late for sign in (-1, 1)]
 
     def changes(self, world: World) -> Changes:
         if self.drift == 0.0:
@@ -175,7 +176,7 @@ class IceCover(_Timing):
         also = ("spread", "growth")
         return [
             cls.trial_at("late", samples * world.sample_time, dates="between", also=also)
-            for samples in (1.0, 4.0)
+            for samples in (1.0, 4.0, 16.0)
         ]
 
     def cover(self, time: Floats, world: World) -> Floats:
