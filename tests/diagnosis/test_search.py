@@ -1,5 +1,6 @@
 """Candidates and their windows against enumerated least squares; fits with one more effect."""
 
+import datetime as dt
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -151,6 +152,17 @@ def test_an_error_of_the_gauge_that_is_set_right_shows_on_the_day_after_its_wind
     assert found[0].effect.dates[0] == RECORD.dates[0 if a == 0 else (OPEN[a - 1] + OPEN[a] + 1) // 2]
     some = drift(dates=(RECORD.dates[3], RECORD.dates[8]))
     assert np.flatnonzero(base.active(RECORD, some)).tolist() == [3, 4, 5, 6, 7, 8, 9]  # and that midnight
+
+
+@pytest.mark.parametrize("offset", [-3600.0, -2400.0, 2400.0, 3600.0])
+def test_a_clock_that_is_off_by_many_samples_is_a_candidate_of_its_size(offset):
+    """Half an offset of eight samples left more than none: the fit ended on the other side of zero."""
+    dates = dt.date(2008, 4, 8), dt.date(2008, 4, 20)
+    record = pools.season(7, 25, (CATALOGUE["clock_offset"](offset=offset, dates=dates),))
+    one = pools.explained(record)
+    library = Library.of(one.model, record, {"clock_offset": CATALOGUE["clock_offset"]})
+    best = screened(one, library, record)[0].effect
+    assert best.offset == pytest.approx(offset, rel=0.4) and best.dates == dates
 
 
 def test_beside_an_effect_only_those_mistaken_for_it_are_candidates_in_its_dates():
