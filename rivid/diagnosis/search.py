@@ -13,6 +13,7 @@ its ends: each of its kind is as likely as the others, and the whole season as l
 import datetime as dt
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -438,7 +439,7 @@ def _gain(score: Floats, left: Floats, whole: Floats, sign: int) -> Floats:
     return np.asarray(0.5 * s * s / safe)
 
 
-SHARES = (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
+SHARES = (0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0)
 """Shares of a candidate's size at which its fit may begin: of a delay that follows the flow, to which the
 response had bent, the first estimate was a sixth."""
 CODINGS = 2
@@ -452,10 +453,11 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     """
     model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
-    for share in SHARES:  # the columns hold near the fit, and its response may have bent to the effect
+    # The columns hold near the fit, and its response may have bent to the effect, or not.
+    for share, bent in product(SHARES, (True, False)):
         try:
             reach = model.reach.with_parameters(
-                vector_of(model.reach) + min(share, 1.0) * candidate.shift[:p]
+                vector_of(model.reach) + bent * min(share, 1.0) * candidate.shift[:p]
             )
             larger = replace(
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),

@@ -340,12 +340,17 @@ class Effect(ABC):
 
     @classmethod
     def trial_at(
-        cls, key: str, size: float, *, dates: Dates = "all", also: tuple[str, ...] = (), **fixed: Any
-    ) -> Trial:
-        """A trial at one size of the parameter `key`; its coefficient is the share of that size."""
+        cls, key: str, size: float, *, dates: Dates = "all", also: tuple[str, ...] = (), within: float = 3.0,
+        **fixed: Any,
+    ) -> Trial:  # fmt: skip
+        """A trial at one size of the parameter `key`; its coefficient is the share of that size.
+
+        The column holds near the size that it was computed at: up to `within` times that, and down to its
+        part.
+        """
 
         def make(c: Floats) -> Effect:
-            share = float(np.clip(c[0], 0.3, 2.5))  # the column holds near the size that it was computed at
+            share = float(np.clip(c[0], 1.0 / within, within))
             return cls(**{**fixed, key: cls.clipped(key, share * size)})
 
         at = cls(**{**fixed, key: size})

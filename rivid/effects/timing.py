@@ -128,7 +128,11 @@ class ClockOffset(_Timing):
     def trials(cls, world: World) -> list[Trial]:
         # Where flows come in pulses, what half an offset leaves is worse than nothing.
         late = dict.fromkeys([*(k * world.sample_time for k in (1.0, 2.0, 4.0, 8.0, 16.0)), HOUR])
-        return [cls.trial_at("offset", sign * size, dates="between") for size in late for sign in (-1, 1)]
+        return [
+            cls.trial_at("offset", sign * size, dates="between", within=1.5)
+            for size in late
+            for sign in (-1, 1)
+        ]
 
     def changes(self, world: World) -> Changes:
         if self.drift == 0.0:
