@@ -159,19 +159,37 @@ def as_volume(one: Explanation, other: Explanation) -> Explanation:
     return replace(one, errors=one.errors._replace(squares=one.errors.squares * (area / its) ** 2))
 
 
-def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether an explanation removes enough of another one's error, and makes no horizon worse.
+def removes(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
+    """Whether an explanation removes :data:`MATERIAL` of another one's squared error at one horizon.
 
-    Enough is :data:`MATERIAL` at one horizon, and more than nothing there in all but :data:`DOUBT` of the
-    draws; worse is an error of an hour or more ahead that grows by as much in all but as many: where
-    operators answer the weather, a response that has bent to a missing effect forecasts a day ahead better
-    than the true one. A single block has no scatter: what grows there may be the weather of its days.
+    And more than nothing there in all but :data:`DOUBT` of the draws.
     """
     share, draws = shares(one, other, chosen, blocks)
-    sure = np.quantile(draws, DOUBT, axis=0) > 0.0
-    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL
+    return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
+
+
+def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
+    """Whether an error an hour or more ahead grows by :data:`MATERIAL` in all but :data:`DOUBT` of the draws.
+
+    By less it may: where operators answer the weather, a response that has bent to a missing effect forecasts
+    a day ahead better than the true one.
+    """
+    _, draws = shares(one, other, chosen, blocks)
+    return bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
+
+
+def is_material(
+    one: Explanation, other: Explanation, chosen: Bools, blocks: Ints, same: Explanation | None = None
+) -> bool:
+    """Whether an explanation removes enough of another one's error, and makes no horizon worse.
+
+    What grows is judged beside `same` where that is given: another response may differ by its volumes alone.
+    A single block has no scatter: what grows there may be the weather of its days.
+    """
     several = len(np.unique(blocks[chosen])) > 1
-    return bool(((share >= MATERIAL) & sure).any() and not (several and worse.any()))
+    beside = other if same is None else same
+    enough = removes(as_volume(one, other), other, chosen, blocks)
+    return enough and not (several and grows(as_volume(one, beside), beside, chosen, blocks))
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -179,10 +197,7 @@ def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) 
 
     Likelier by a sample's detail it may be all the same: an effect that bends the response.
     """
-    if not one.names or one is first:
-        return True
-    _, draws = shares(as_volume(one, first), first, chosen, blocks)
-    return not bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
+    return not one.names or one is first or not grows(as_volume(one, first), first, chosen, blocks)
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -430,8 +445,10 @@ class Study:
         share, draws = shares(one, as_volume(best, one), self.opened, self.split.block)
         return bool(share[0] >= MATERIAL and np.quantile(draws[:, 0], DOUBT) > 0.0)
 
-    def _material(self, one: Explanation, other: Explanation, days: Bools) -> bool:
-        return is_material(one, other, self.opened & days, self.split.block)
+    def _material(
+        self, one: Explanation, other: Explanation, days: Bools, same: Explanation | None = None
+    ) -> bool:
+        return is_material(one, other, self.opened & days, self.split.block, same)
 
     @cached_property
     def _cores(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
@@ -459,7 +476,7 @@ class Study:
             parent = self.first
         if one.added is None:
             active = np.ones(len(self.opened), bool)
-            return names, one.unknown if self._material(as_volume(one, parent), parent, active) else unknown
+            return names, one.unknown if self._material(one, parent, active) else unknown
         if self._adds(one, one.added, parent):
             names = (*names, one.added.name)
         # An effect may count only beside the others, which bent the response while they were missing.
@@ -488,7 +505,9 @@ class Study:
             left = errors_without(one, effect, made, self.record)
             if not self._material(one, replace(one, errors=left), active):
                 return False
-        return self._material(as_volume(one, less), less, active)
+        bare = [o for o in self.pool if o.names == less.names and o.unknown == less.unknown]
+        own = [o for o in bare if o.model.reach.name == one.model.reach.name]
+        return self._material(one, less, active, max(own, key=self.score, default=less))
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Whether an unknown flow that returns, pulses or waves make a share of the error that counts."""

@@ -86,6 +86,15 @@ def test_a_horizon_that_grows_worse_is_not_made_up_for_by_another_but_that_of_a_
             assert material(explained("leakage", removes=removes, parent=nothing), nothing) == allowed
 
 
+def test_what_grows_is_judged_beside_the_same_response():
+    """A clock of an hour in a linear pool grew a day ahead beside Saint-Venant without it: no name."""
+    other, same = explained(), explained(removes=[0.0, 0.0, 0.0, -4 * MUCH])
+    one = explained("clock_offset", 9.0, [MUCH, MUCH, MUCH, -3 * MUCH], parent=other)
+    assert not is_material(one, other, OPEN, BLOCK)
+    assert is_material(one, other, OPEN, BLOCK, same)
+    assert not is_material(same, other, OPEN, BLOCK, same), "it takes nothing from the error"
+
+
 def test_a_horizon_that_grows_in_the_only_block_is_no_objection():
     nothing = explained()
     one = explained("sensor_step", removes=[MUCH, 0.0, -MUCH, 0.0], parent=nothing)
