@@ -397,8 +397,8 @@ class Study:
     def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
         """Whether an effect on timing, which `other` lacks, removes most of the misfit of fronts, not all.
 
-        Most is half of its square, and what is left a share that counts: as a clock, ice on a river took three
-        quarters away.
+        Most is half of its square, and what is left a share that counts: as a clock, ice on a river took
+        three quarters away.
         """
         differing = difference(other, lead)
         if differing is None or differing[1].family != "timing":

@@ -126,8 +126,8 @@ class ClockOffset(_Timing):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        # Where flows come in pulses, what half an offset leaves is worse than nothing: sizes are a factor of 2
-        # apart, and each holds half-way to the next.
+        # Where flows come in pulses, what half an offset leaves is worse than nothing: sizes are a factor of
+        # 2 apart, and each holds half-way to the next.
         late = dict.fromkeys([*(k * world.sample_time for k in (1.0, 2.0, 4.0, 8.0, 16.0)), HOUR])
         return [
             cls.trial_at("offset", sign * size, dates="between", within=1.5)
