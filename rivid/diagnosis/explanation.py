@@ -349,6 +349,62 @@ def _noise(
     return noise, more if weights is None else np.sqrt(weights * more)  # in full they would go to and fro
 
 
+TURNS, LASTS = 8, 30.0
+"""Turns of :func:`settled`, and samples that a misfit of the response lasts. With a misfit of ten samples one
+chain in two of a pool of which the waves return in step ended 1,200 nats below the others, with 30 or 100 one
+in ten; of six other pools none."""
+
+
+def settled(model: Model, record: Record, number: int) -> Model:
+    """A model at the response to which its priors settle on all days of a record; the nominal one where few
+    draws carry the flows.
+
+    Waves to and fro make a posterior of many narrow maxima, in which steps along local columns end. Here the
+    columns are those of a linear regression of the output on the parameters, over draws from a normal
+    distribution: at first the prior, then the posterior by the regression, until it stays. What the
+    regression leaves, by its curvature and at its best, is the variance of the output; it lasts
+    :data:`LASTS` samples. So the distribution narrows as far only as the output is linear across it.
+
+    Notes
+    -----
+    Source: the posterior linearisation filter, by statistical linear regression (Garcia-Fernandez, Svensson,
+    Morelande and Sarkka 2015), here with draws, each with its mirror image. `number` starts the draws.
+    """
+    free = model.reach.parameters
+    mean, sd, low, high = (np.array([getattr(p, key) for p in free]) for key in ("mean", "sd", "low", "high"))
+    rng, k, noise = np.random.default_rng(number), len(free), model.noise
+    at, spread = np.zeros(k), np.eye(k)  # in prior standard deviations
+
+    def left(x: Floats) -> Floats | None:
+        try:
+            one = replace(model, reach=model.reach.with_parameters(mean + sd * x))
+            return np.where(record.used, residual_of(record, one.baseline(record)), np.nan)
+        except RividError:
+            return None
+
+    for _ in range(TURNS):
+        draws = rng.standard_normal((k + 2, k)) @ np.linalg.cholesky(spread).T
+        x = np.clip(at + np.concatenate([draws, -draws]), (low - mean) / sd, (high - mean) / sd)
+        runs = [left(one) for one in x]
+        kept = [i for i, run in enumerate(runs) if run is not None]
+        if len(kept) < k + 2:
+            return model
+        x, z = x[kept], np.stack([run for run in runs if run is not None])
+        middle = left(at)
+        seen = z.mean(axis=0) if middle is None else middle
+        noise = replace(model, noise=noise).fit_noise(seen, record, None)
+        white = noise.whiten(z, like=seen, activity=record.activity)[:, record.used]
+        here, off = white.mean(axis=0), x - x.mean(axis=0)
+        slopes = np.linalg.lstsq(off, white - here, rcond=None)[0]
+        G, g = slopes @ slopes.T, slopes @ here
+        bent = ((white - here - off @ slopes) ** 2).sum() / (len(x) - k)
+        best = here - np.linalg.lstsq(G, g, rcond=None)[0] @ slopes
+        size = max(LASTS * float(bent + best @ best) / len(here), 1.0)
+        spread = np.linalg.inv(G / size + np.eye(k))
+        at = np.clip(spread @ (G @ x.mean(axis=0) - g) / size, (low - mean) / sd, (high - mean) / sd)
+    return replace(model, reach=model.reach.with_parameters(mean + sd * at))
+
+
 BRIEF = 3
 """Steps of a fit after which many are compared."""
 FINALISTS = 3

@@ -28,6 +28,7 @@ from rivid.diagnosis.explanation import (
     fits,
     fitted,
     scored,
+    settled,
     tails_of,
 )
 from rivid.diagnosis.fit import ENOUGH, Model, NoiseKind
@@ -81,7 +82,9 @@ HOPELESS = 100.0
 CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
-"""The fit of a response starts on every third open day, that of each of its starts on every sixth."""
+"""The fit of a response starts on every third open day."""
+SETTLING, CHAINS = 8, 2
+"""Days on which a response settles, and how often it does, each time by other draws."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""
 CALIBRATION, ROUND = 0.15, 0.6
@@ -353,9 +356,11 @@ class _Search:
         """The best fit of a response to some days, from its best starts, and its likelihood [nats a day]."""
         starts: Sequence[Response] = (reach,)
         if isinstance(reach, HydraulicResponse):
-            few = part.take(np.arange(0, part.days, 2))
-            half = [self._plain(_coarse(start)) for start in reach.starts()]
-            begun = best_fits(half, few, fresh=2)
+            few = part.take(np.unique(np.linspace(0, part.days - 1, SETTLING).astype(int)))
+            nominal = self._plain(_coarse(reach))
+            begun = fits(
+                [nominal, *side_by_side(partial(settled, nominal, few), range(CHAINS))], few, fresh=2
+            )
             self.begin_at[reach.name] = begun[0].one.model.reach
             best = (fit.one.model.reach for fit in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]

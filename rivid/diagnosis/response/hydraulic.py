@@ -68,10 +68,6 @@ CELLS = 32
 that in 1.25 times the time of 24 (48: twice)."""
 FALL = 0.15
 """Fall of the bed of a pool, first guess, in depths: its uncertainty is more."""
-STARTS, START_SD = 20, 0.7
-"""Responses at which a fit begins, and how far they lie about the nominal one, in prior standard deviations.
-Of 16 starts 2 to 12 led to the likeliest fit of a development season, up to a thousand nats ahead of the
-others: with one in eight, 20 starts find it in 93 of 100 seasons."""
 HEADROOM = 1.15
 """Wave speed for which the time steps are set, over that of the usual state: as a depth of 2 sd more, 1.3
 times, makes it. With the headroom of the solver itself waves up to 1.4 times as fast change no step."""
@@ -238,15 +234,6 @@ class HydraulicResponse:
     def with_parameters(self, vector: ArrayLike) -> "HydraulicResponse":
         """The same channel with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
-
-    def starts(self) -> "tuple[HydraulicResponse, ...]":
-        """The nominal channel and others that its priors make likely: a fit has many maxima.
-
-        Waves to and fro in step are one cause, sections that stand for each other are more.
-        """
-        scatter = START_SD * np.array([p.sd for p in self.parameters])
-        draws = np.random.default_rng(0).standard_normal((STARTS - 1, len(scatter)))
-        return (self, *(self.with_parameters(vector_of(self) + scatter * draw) for draw in draws))
 
     def carried(self, record: Record) -> Bools:
         """Days with flows that the channel carries, steeper and shallower by an sd too; shape (days,)."""
