@@ -57,7 +57,7 @@ from rivid.effects.flow import LeavingFlow, PassingFlow, RecurringFlow
 from rivid.effects.level import UnknownSwing, UnsteadyGauge
 from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
-from rivid.types import DAY, HOUR, Floats
+from rivid.types import DAY, HOUR, Floats, Ints
 
 MOST_EFFECTS = 3
 FEWEST_DAYS = 15
@@ -356,7 +356,7 @@ class _Search:
         """The best fit of a response to some days, from its best starts, and its likelihood [nats a day]."""
         starts: Sequence[Response] = (reach,)
         if isinstance(reach, HydraulicResponse):
-            few = part.take(np.unique(np.linspace(0, part.days - 1, SETTLING).astype(int)))
+            few = part.take(_spread(part.days))
             nominal = self._plain(_coarse(reach))
             begun = fits(
                 [nominal, *side_by_side(partial(settled, nominal, few), range(CHAINS))], few, fresh=2
@@ -729,7 +729,7 @@ class _Search:
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
         self.report(0.1, f"{lead.added.name} and its rivals from its response")
-        (best,) = self._polished([lead], lead)
+        (best,) = self._polished([self._settled(lead)], lead)
         least = 2.0 * self.score(lead) - self.score(best) - LEAST
         rivals: dict[tuple[tuple[str, ...], bool], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
@@ -740,6 +740,30 @@ class _Search:
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
         return self.lead()
+
+    def _settled(self, one: Explanation) -> Explanation:
+        """An explanation from the response that settles with its effects, or from its own, if that is better.
+
+        What it extends may have bent to what it lacked, into a maximum that no step leaves.
+        """
+        model, nominal = one.model, self._nominal(one.model)
+        if not isinstance(nominal, HydraulicResponse):
+            return one
+        chosen = np.flatnonzero(self.opened)
+        chosen = chosen[_spread(len(chosen))]
+        few = self.record.take(chosen)
+        few = replace(few, output=few.output - one.coded[chosen])
+        reach = settled(replace(model, reach=_coarse(nominal), noise=None), few, 0).reach
+        more = self._carrying(
+            replace(model, reach=nominal.with_parameters(vector_of(reach)), noise=None), unknown=one.unknown,
+            log_prior=one.log_prior, parent=one.parent, inflation=one.inflation, others=one.others,
+            events=one.events, fresh=FRESH,
+        )  # fmt: skip
+        if more is None:
+            return one
+        more = self._instead(one, self._scored(more))
+        self.pool.append(more)
+        return more if self.score(more) > self.score(one) else one
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
         """Explanations fitted on from the response of one near by, or their own, where that is better."""
@@ -909,6 +933,11 @@ class _Search:
 
 UNKNOWNS = 2
 """Unknown flows and unknown gauges, beside the names."""
+
+
+def _spread(days: int) -> Ints:
+    """Days on which a response settles, evenly among so many."""
+    return np.unique(np.linspace(0, days - 1, SETTLING).astype(int))
 
 
 def _coarse(reach: Response) -> Response:
