@@ -83,7 +83,7 @@ CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
 """The fit of a response starts on every third open day."""
-SETTLING, CHAINS = 8, 2
+SETTLING, CHAINS = 6, 2
 """Days on which a response settles, and how often it does, each time by other draws."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""

@@ -9,14 +9,18 @@ import pytest
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.decision import errors_without, made_alone
-from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fitted, scored
+from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fits, fitted, scored, settled
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import step_within
-from rivid.diagnosis.response.base import FreeParameter, placed
+from rivid.diagnosis.response.base import FreeParameter, placed, vector_of
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.workflow import CHAINS
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES
+from rivid.reach.gauge import stilled
+from rivid.reach.saint_venant import simulate
 from tests.diagnosis import pools, sizes
 from tests.diagnosis.responses import DEPTH, GAUGE, few, season
 
@@ -120,6 +124,61 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_mean_the_truth(cur
     assert (off**2).mean() == pytest.approx(1.0, rel=4.0 * np.sqrt(2.0 / off.size))
     # those of the posterior, or of the jackknife where it is larger: of 12 blocks that are alike, a little
     assert np.min(ratio) >= 1.0 - 1e-9 and 1.0 < np.mean(ratio) < 1.3
+
+
+# Where a fit begins
+
+
+def test_a_linear_response_settles_where_it_is_fitted():
+    """The regression is then exact whatever is drawn."""
+    record = columns(np.random.default_rng(1), 5)
+    wanted = fit(Curve(two()), record)
+    for number in range(3):
+        found = vector_of(settled(curve_of(Curve(two()), record), record, number).reach)
+        off = found - values(wanted)
+        assert off @ precision(wanted, record) @ off < 0.05
+
+
+def short_pool(seed, days=4, T_s=168.0):
+    """A pool that waves cross in one and a half samples, and days of another that its priors make likely."""
+    rng, n = np.random.default_rng(seed), round(86400.0 / T_s)
+    dates = [dt.date(2024, 5, 1) + dt.timedelta(days=k) for k in range(days)]
+    inflow = np.repeat(280.0 + 40.0 * rng.uniform(-1.0, 1.0, days * n // 8 + 1), 8)[: days * n]
+    outflow = np.roll(inflow, 3) + np.repeat(rng.uniform(-9.0, 9.0, days * n // 6 + 1), 6)[: days * n]
+    outflow += (inflow - outflow).mean()  # the level stays
+    made = HydraulicResponse.nominal(
+        2600.0, 90.0, 9.5, 100.0, sample_time=T_s, flow=280.0, corrections=False, cells=16
+    )
+    away = [p.sd for p in made.parameters] * rng.uniform(-1.5, 1.5, len(made.parameters))
+    truth = made.with_parameters(vector_of(made) + away)
+    flow = simulate(
+        truth.channel, T_s * np.arange(days * n), inflow, outflow, 100.0, gate_time=truth.gate_time
+    )
+    level = stilled(T_s * np.arange(days * n)[None], flow.level[None], truth.parameters[-1].natural)
+    level = level + 0.002 * rng.standard_normal(level.shape)
+    columns = (column.reshape(days, n) for column in (inflow, outflow, level))
+    return made, truth, as_record(dates, T_s * np.arange(n), *columns, sample_time=T_s, lead=40)
+
+
+@sizes("seeds", 2, 10)
+def test_a_short_pool_settles_where_local_steps_end_in_another_maximum(seeds):
+    behind = []
+    for seed in range(seeds):
+        reach, truth, record = short_pool(seed)
+        model = Model(reach, None, record.usual_output, record.usual_flow, 0.0)
+        begun = [settled(model, record, number) for number in range(CHAINS)]
+        (best,) = fits([replace(model, reach=truth)], record, fresh=12)
+        local, found = (fits(models, record, fresh=12)[0] for models in ([model], begun))
+        behind.append([record.days * (best.likely - one.likely) for one in (local, found)])
+    local, found = np.array(behind).T
+    assert found.sum() < 0.3 * local.sum() and local.sum() > 1000.0 * seeds
+    assert np.median(found) < 150.0 or seeds < 10
+
+
+def test_a_response_that_few_draws_carry_settles_where_it_began():
+    record = columns(np.random.default_rng(1), 5)
+    model = curve_of(Curve(two(), breaks=-15.0), record)
+    assert settled(model, record, 0) is model
 
 
 # Steps

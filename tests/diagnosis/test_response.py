@@ -18,7 +18,6 @@ from rivid.diagnosis.response.base import (
     slopes_by_differences,
     vector_of,
 )
-from rivid.diagnosis.response.hydraulic import START_SD, STARTS
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import CELLS, RiverResponse, rates
 from rivid.effects import CATALOGUE, changes_of
@@ -78,20 +77,6 @@ def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
 
 def rms_of_days(change):
     return np.sqrt(np.mean(change**2, axis=1))
-
-
-def test_fits_begin_at_the_nominal_channel_and_at_others_of_its_priors():
-    response = nominal(season(0, days=4))
-    starts, sd = response.starts(), np.array([p.sd for p in response.parameters])
-    assert starts[0] is response and len(starts) == STARTS
-    free = [p.low < p.mean - 3.0 * p.sd and p.mean + 3.0 * p.sd < p.high for p in response.parameters]
-    away = np.array([(vector_of(one) - vector_of(response)) / sd for one in starts[1:]])[:, free]
-    assert away.size > 150 and abs(away.mean()) < 4.0 * START_SD / np.sqrt(away.size)
-    assert away.std() == pytest.approx(START_SD, abs=4.0 * START_SD / np.sqrt(2.0 * away.size))
-    for one in starts:
-        assert all(p.low <= p.value <= p.high for p in one.parameters)
-    for one, again in zip(starts, response.starts(), strict=True):
-        np.testing.assert_array_equal(vector_of(one), vector_of(again))
 
 
 def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
