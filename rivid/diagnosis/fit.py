@@ -174,7 +174,9 @@ class Model:
 
         From the baselines of some days about levels that are off by :data:`OFF`.
         """
-        if record.kind == "river" or not self.effects:
+        changes = self.changes(record)
+        follows = changes.leaks or changes.ponds or changes.area_slope or changes.gate.head.any()
+        if record.kind == "river" or not follows:
             return 1.0
         few = record.take(np.linspace(0, record.days - 1, min(record.days, SOME)).astype(int))
         off = replace(few, output=few.output + OFF)

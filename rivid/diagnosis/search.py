@@ -27,7 +27,7 @@ from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
 from rivid.errors import RividError
-from rivid.types import DAY, HOUR, Floats, Ints
+from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
 HOURS_A_DAY = 24
 
@@ -443,6 +443,9 @@ SHARES = (0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0)
 """Shares of a candidate's size at which its fit may begin: of a delay that follows the flow, to which the
 response had bent, the first estimate was a sixth. 0.6 leaves no gap wider than 2 about a clock's, which holds
 within 1.5 times."""
+APART = 3
+"""Of the open days in order of what an effect does on them, every so many choose between these shares: on all
+days that took a seventh of the time of a diagnosis."""
 CODINGS = 2
 """Searches for events: the second one with the noise of what the first one leaves, and refined."""
 
@@ -454,6 +457,9 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     """
     model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
+    opened = np.flatnonzero(parent.weights > 0.0)
+    acting = np.argsort(-np.sum(candidate.columns[:, opened] ** 2, axis=(0, 2)), kind="stable")
+    some = np.isin(np.arange(record.days), opened[acting[::APART]])
     # The columns hold near the fit, and its response may have bent to the effect, or not.
     for share, bent in product(SHARES, (True, False)):
         try:
@@ -464,7 +470,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),
                 free=(*model.free, candidate.free),
             )  # fmt: skip
-            tried.append((squares_left(larger, parent, record), share, larger))
+            tried.append((squares_left(larger, parent, record, some), share, larger))
         except RividError:
             continue
     if not tried:
@@ -506,9 +512,9 @@ def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: fl
     return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]
 
 
-def squares_left(model: Model, parent: Explanation, record: Record) -> float:
-    """Squares of what a model leaves of the open days, whitened by the noise and weights of `parent`."""
-    opened = parent.weights > 0.0
+def squares_left(model: Model, parent: Explanation, record: Record, days: Bools | None = None) -> float:
+    """Squares of what a model leaves of open days, whitened by the noise and weights of `parent`."""
+    opened = parent.weights > 0.0 if days is None else days
     few = record.take(opened)
     left = residual_of(few, model.baseline(few)) - parent.coded[opened]
     white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
