@@ -296,15 +296,16 @@ def diurnal():
     return record, pools.explained(record)
 
 
-def candidate(effect, free):
-    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, np.zeros((0, 0, 0)))
+def candidate(effect, free, record):
+    columns = np.ones((len(free), *record.time.shape))
+    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, columns)
 
 
 @pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (8.0, 7.0)])
 def test_a_fit_from_a_bad_start_is_likelier_than_what_it_extends(diurnal, amplitude, hour):
     record, parent = diurnal
     start = CATALOGUE["diurnal_inflow"](amplitude=amplitude, hour=hour)
-    one = with_effect(parent, candidate(start, ("amplitude", "hour")), record, -3.0)
+    one = with_effect(parent, candidate(start, ("amplitude", "hour"), record), record, -3.0)
     assert likelihood(one, record) > likelihood(parent, record) + 50.0
     assert one.log_prior == -4.0
     assert one.parent is parent and one.names == ("diurnal_inflow",)
@@ -322,7 +323,7 @@ def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal
     assert best.effect.name == "diurnal_inflow" and best.worth > max(one.worth for one in rest) + 20.0
     assert best.effect.amplitude == pytest.approx(15.0, abs=3.0)
     late = replace(best.effect, dates=(record.dates[5], record.dates[8]))
-    one = with_effect(parent, candidate(late, ("amplitude", "hour")), record, 0.0)
+    one = with_effect(parent, candidate(late, ("amplitude", "hour"), record), record, 0.0)
     assert np.flatnonzero(one.active(record, one.added)).tolist() == [5, 6, 7, 8]
 
 
