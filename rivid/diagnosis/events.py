@@ -98,10 +98,10 @@ GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSION
 
 EDGE = 20
 """Readings between a jump and its return: with fewer they are a spike."""
-FEWEST_READINGS = 4
-"""Readings of a row before and after a jump, which separate it from a bad one at the row's end. With 20, half
-of the jumps of a season with a sample time of 394 s were not sought: three of six lay within 70 min of
-midnight."""
+FEWEST_READINGS = 2
+"""Readings of a row before and after a jump, which separate it from a single bad one at the row's end. With
+four a jump of 0.32 m, 24 minutes after midnight in a season of 582 s, was not sought, and three effects stood
+for it."""
 
 LARGEST_JUMP = 1.0
 """A gauge set anew or knocked [m]: with a flat prior to here, 1 nat more for 2.7 times."""
