@@ -171,8 +171,9 @@ def test_a_short_pool_settles_where_local_steps_end_in_another_maximum(seeds):
         local, found = (fits(models, record, fresh=12)[0] for models in ([model], begun))
         behind.append([record.days * (best.likely - one.likely) for one in (local, found)])
     local, found = np.array(behind).T
+    print("nats below the truth, from the nominal channel and settled:", local.round(), found.round())
     assert found.sum() < 0.3 * local.sum() and local.sum() > 1000.0 * seeds
-    assert np.median(found) < 150.0 or seeds < 10
+    assert np.median(found) < 100.0 or seeds < 10
 
 
 def test_a_response_that_few_draws_carry_settles_where_it_began():
