@@ -352,8 +352,8 @@ def _noise(
 TURNS, LASTS = 12, 30.0
 """Turns of :func:`settled`, and samples that a misfit of the response lasts. In a pool that waves cross in
 1.5 samples fits from the nominal channel and six draws ended 340 nats or more below the truth; with 10
-samples one chain in two reached it, with 30 or 100 nearly all. Of ten such pools two remain more than 100 nats
-below it after twelve turns; after eight the worst was 1,104 below, then 673."""
+samples one chain in two reached it, with 30 or 100 nearly all. Of ten such pools two remain more than 100
+nats below it after twelve turns; after eight the worst was 1,104 below, then 673."""
 
 
 def settled(model: Model, record: Record, number: int) -> Model:
