@@ -357,8 +357,7 @@ nats below it after twelve turns; after eight the worst was 1,104 below, then 67
 
 
 def settled(model: Model, record: Record, number: int) -> Model:
-    """A model at the response to which its priors settle on all days of a record; the nominal one where few
-    draws carry the flows.
+    """A model at the response to which its priors settle on all days of a record, to begin a fit there.
 
     Waves to and fro make a posterior of many narrow maxima, in which steps along local columns end. Here the
     columns are those of a linear regression of the output on the parameters, over draws from a normal
@@ -366,10 +365,23 @@ def settled(model: Model, record: Record, number: int) -> Model:
     regression leaves, by its curvature and at its best, is the variance of the output; it lasts
     :data:`LASTS` samples. So the distribution narrows as far only as the output is linear across it.
 
+    Parameters
+    ----------
+    model : Model
+        Only its response is changed; effects stay at their values.
+    record : Record
+    number : int
+        Starts the draws.
+
+    Returns
+    -------
+    Model
+        `model` itself where too few draws carry the flows for a regression.
+
     Notes
     -----
     Source: the posterior linearisation filter, by statistical linear regression (Garcia-Fernandez, Svensson,
-    Morelande and Sarkka 2015), here with draws, each with its mirror image. `number` starts the draws.
+    Morelande and Sarkka 2015), here with draws, each with its mirror image.
     """
     free = model.reach.parameters
     mean, sd, low, high = (np.array([getattr(p, key) for p in free]) for key in ("mean", "sd", "low", "high"))
