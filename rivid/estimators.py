@@ -70,6 +70,7 @@ class Answer:
     reason: Strings | None = None  # why a day has no estimate; empty where u and y show it (constant)
     fir_sd: Floats | None = None  # standard deviation of h, (days, M)
     travel: Floats | None = None  # travel time with its fraction [samples], about d to d + 1
+    half: Floats | None = None  # the same with the half time of the gauge's lag [samples]
     probability: Floats | None = None  # that the likeliest delay is right; NaN without probabilities
     delay_low: Floats | None = None  # ends of the smallest set of delays with a probability of 90 %
     delay_high: Floats | None = None
@@ -342,6 +343,7 @@ def _of_posterior(
             [outside & below, outside, known & ~ok], [too_short, too_long, unsure], found.message
         ),
         travel=np.where(ok, found.place, np.nan),
+        half=np.where(ok, found.half, np.nan),
         probability=np.where(known, found.right, np.nan),
         delay_low=np.where(known, candidates[np.argmax(found.in_set, axis=1)], np.nan),
         delay_high=np.where(known, candidates[::-1][np.argmax(found.in_set[:, ::-1], axis=1)], np.nan),

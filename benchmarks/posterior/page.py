@@ -122,18 +122,22 @@ def drawn_section(drawn: list[Found], head: list[str]) -> str:
 def random_section(exam: ByFactor, rough: ByFactor) -> str:
     """The exam's random worlds, split by factor."""
     head = ["factor", "", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
-            "place in its band", "width of the band [samples]"]  # fmt: skip
-    rows = [[factor, name, *numbers(s), *placed(s)] for (factor, name), s in exam.items()]
-    worst = [
-        ["gauge of 10 mm, steps of 20 mm", "", *numbers(s), *placed(s)]
-        for (f, _), s in rough.items()
-        if f == "all"
-    ]
+            "place in its band", "width of the band [samples]", "error of the half-response [samples]",
+            "of the travel time as such"]  # fmt: skip
+
+    def line(s: Scores) -> list[str]:
+        errors = (s.half_error, s.front_error)
+        return [*numbers(s), *placed(s), *(f"{np.nanmedian(e[s.answered]):.2f}" for e in errors)]
+
+    rows = [[factor, name, *line(s)] for (factor, name), s in exam.items()]
+    worst = [["gauge of 10 mm, steps of 20 mm", "", *line(s)] for (f, _), s in rough.items() if f == "all"]
     return (
         "## Random worlds, by factor\n\nPools of the exam with nothing hidden ([exam.md](exam.md)): box scheme, Saint-Venant or "
         "linear store; operators by hand, automatic\nor on a schedule; a stilling well in half of them. Eight days each, the delays that "
         "`rivid bounds` proposes from a geometry known to some percent,\nseeds that took no part. The true travel time of the box scheme is that "
-        "of the boxes' own sections [%]:\n\n" + table(head, rows + worst) + "\n"
+        "of the boxes' own sections [%]. The half-response is the travel time and the half time of\nthe stilling well; its error is a median:\n\n"
+        + table(head, rows + worst)
+        + "\n"
     )
 
 

@@ -36,6 +36,9 @@ class Scores:
         p(d | y) of every candidate, and whether it is the true one.
     in_band, band : ndarray, shape (days,)
         Whether the 90 % band of the travel time holds it, and its width [samples].
+    front_error, half_error : ndarray, shape (days,)
+        Error of travel time and half-response beside the true half-response [samples]: travel time and half
+        time of the stilling well.
     known : ndarray of bool, shape (days,)
         The day has probabilities.
     ms : float
@@ -53,6 +56,8 @@ class Scores:
     is_true: Bools
     in_band: Bools
     band: Floats
+    front_error: Floats
+    half_error: Floats
     known: Bools
     ms: float
 
@@ -101,13 +106,15 @@ def judge(found: PosteriorResult, world: World, ms: float = np.nan) -> Scores:
     is_true = np.zeros(p.shape, bool)
     is_true[every[inside], column[inside]] = True
     right = np.where(known, found.right, np.nan)
+    half = world.travel + np.log(2.0) * world.well
     return Scores(
         answered=answered, exact=answered & (error == 0), within=answered & (error <= 1),
         surely_wrong=answered & (error > 0) & (right > 0.9),
         covered=randomised_coverage(p, column),
         top=right, top_right=error == 0, probability=p, is_true=is_true,
         in_band=(found.place_low <= world.travel) & (world.travel <= found.place_high),
-        band=found.place_high - found.place_low, known=known, ms=ms,
+        band=found.place_high - found.place_low,
+        front_error=np.abs(found.place - half), half_error=np.abs(found.half - half), known=known, ms=ms,
     )  # fmt: skip
 
 

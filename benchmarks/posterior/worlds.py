@@ -45,6 +45,8 @@ class World:
         The travel time of that front, fraction included [samples].
     sample_time : float
         T_s [s].
+    well : float
+        Time constant of the gauge's stilling well [samples].
     """
 
     name: str
@@ -54,6 +56,7 @@ class World:
     delay: Ints
     travel: Floats
     sample_time: float
+    well: float = 0.0
 
     @property
     def other(self) -> Ints:
@@ -311,7 +314,7 @@ def random_worlds(
             found.append((
                 World(
                     world.kind, season.inflow, season.level, season.outflow, season.delay,
-                    season.travel_time / T_s, T_s,
+                    season.travel_time / T_s, T_s, s.level.lag / T_s,
                 ),
                 PosteriorSettings(d_max=proposed.d_max, order=proposed.order),
                 replace(world, scenario=s).factors() | {"lag": (s.level.lag + gate) / T_s},

@@ -412,6 +412,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "piled": f["common"] == ends and tried.size > 2 and f["common_days"] >= SPREAD_OUT * f["with_delay"],
         "spread": f["common_days"] < SPREAD_OUT * f["with_delay"],
         "travel_s": _median(e.travel_s[days]) if e.travel_s is not None else None,
+        "half_s": _median(e.half_s[days]) if e.half_s is not None else None,
         "statuses": _statuses(e.status),
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),

@@ -28,9 +28,10 @@ class EstimatorResults:
     """Results of one estimator by day, in date order: n rows, failed days included; NaN where it has none.
 
     `delay`, `delay_low`, `delay_high` (smallest set of delays that holds 90 %) and `t50` (of rivers: lag by
-    which half of a step has arrived, from the FIR) are in samples, `travel_s` (with a fraction of a sample)
-    and the bounds (5) of the travel time in seconds, `mean_inflow` in m3/s. `fir`, shape (n, M), and its
-    standard deviation `fir_sd` are in the output unit per m3/s; M is 0 without impulse responses.
+    which half of a step has arrived, from the FIR) are in samples, `travel_s` (with a fraction of a sample),
+    `half_s` (the same with the gauge's lag) and the bounds (5) of the travel time in seconds, `mean_inflow`
+    in m3/s. `fir`, shape (n, M), and its standard deviation `fir_sd` are in the output unit per m3/s; M is 0
+    without impulse responses.
     `candidates`, shape (K,), are the delays tried [samples] and `criterion`, shape (n, K), the criterion of
     each: of CUSUM its g at lag d + 1, large after a change; of posteriors p(d | y). `status` is ok,
     unidentifiable, degenerate, pending or failed; `messages` are its reasons and remarks, or empty. The
@@ -61,6 +62,7 @@ class EstimatorResults:
     delay_high: Floats | None = None
     fir_sd: Floats | None = None
     travel_s: Floats | None = None
+    half_s: Floats | None = None
 
     @property
     def answered(self) -> Bools:
@@ -189,6 +191,7 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
             columns |= {f"bound_{wave}_s": np.full(len(rows), np.nan) for wave in ("gravity", "kinematic")}
         sure = _given(columns["probability"].astype(float))
         travel = columns.get("travel_time_s", columns["delay_s"])
+        half = columns.get("half_response_s", np.full(len(rows), np.nan))
         days = rows["date"].cast(pa.int32()).to_numpy()
         own = [table.filter(pc.equal(table["estimator"], name)) for table in (fir, criterion)]
         candidates, curve = matrix(own[1], days, "delay_samples", "criterion")
@@ -202,6 +205,7 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
                 fir_sd=_given(matrix(own[0], days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
                 candidates=candidates, criterion=curve, probability=sure,
                 travel_s=None if sure is None else _given(travel.astype(float)),
+                half_s=_given(half.astype(float)),
                 delay_low=_given(columns["delay_low"].astype(float)),
                 delay_high=_given(columns["delay_high"].astype(float)),
                 **{name: columns[column].astype(float) for name, column in NUMBERS.items()},

@@ -61,6 +61,7 @@ status | text | | `ok`, `unidentifiable`, `degenerate`, `pending` (today, unfini
 delay_samples | number | samples | the delay d; the level first moves at sample d + 1
 delay_s | number | s | d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s
 travel_time_s | number | s | the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s
+half_response_s | number | s | `posterior`: travel time with half time of the gauge's lag; t50 of a river
 at_bound | flag | | the delay is the shortest or longest tried, or lies outside
 prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
 probability | number | | `posterior`: that the likeliest delay is right
@@ -106,7 +107,7 @@ SEGMENT = pa.schema(
 candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
 day."""
 
-LATER = {"travel_time_s", "start"}
+LATER = {"travel_time_s", "half_response_s", "start"}
 """Columns that rows of version 0.1.0 lack; they are made when these are read."""
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
@@ -453,8 +454,9 @@ def _open(path: Path) -> pq.ParquetFile:
 
 
 def _cast(table: pa.Table) -> pa.Table:
-    if "start" not in table.column_names:  # an earlier version's
-        table = table.append_column("start", pa.nulls(len(table), pa.string()))
+    for name, kind in (("start", pa.string()), ("half_response_s", pa.float64())):
+        if name not in table.column_names:  # an earlier version's
+            table = table.append_column(name, pa.nulls(len(table), kind))
     if "travel_time_s" not in table.column_names:
         delay, whole = table["delay_s"], pc.is_null(table["probability"])
         middle = pc.multiply(delay, pc.add(1.0, pc.divide(0.5, table["delay_samples"])))

@@ -348,6 +348,7 @@ def _rows(
         "delay_samples": delay,
         "delay_s": begin * reach.sample_time,
         "travel_time_s": middle * reach.sample_time,
+        "half_response_s": given(answer.half) * reach.sample_time,
         "noise_sd": np.sqrt(given(answer.noise_variance)),
         "roughness_sd": np.sqrt(given(answer.roughness_variance)),
         "iterations": np.zeros(n, np.int64) if answer.iterations is None else answer.iterations,

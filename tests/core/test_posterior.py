@@ -8,11 +8,12 @@ import pytest
 from rivid.core.posterior.daily import BLOCK, posterior
 from rivid.core.settings import PosteriorSettings
 from rivid.errors import RividError
+from rivid.reach.gauge import stilled
 from tests import examples
 from tests.core.posterior_days import linear_days, wave_days
 
 ROWS = ("probability", "beyond", "delay", "right", "in_set", "place", "place_low", "place_high",
-        "fir", "fir_sd", "link", "status", "message")  # fmt: skip
+        "half", "fir", "fir_sd", "link", "status", "message")  # fmt: skip
 WORLDS = pytest.mark.parametrize("days", [linear_days, wave_days])
 
 
@@ -39,6 +40,17 @@ def test_a_store_amid_two_samples_is_answered_with_its_delay_and_its_place(place
         assert (posterior(u, y, o, PosteriorSettings(d_min=d_min, d_max=d_max)).delay == int(place)).all()
     assert (found.place_low < place).sum() >= 5 and (found.place_high > place).sum() >= 5
     assert (found.link > 0.99).all()
+
+
+@pytest.mark.parametrize("seed", range(examples(6, 2)))
+@pytest.mark.parametrize("lag", [0.0, 0.5, 0.8])
+def test_behind_a_stilling_well_the_half_response_is_later_than_the_front_by_its_half_time(lag, seed):
+    u, y, o, _ = linear_days(6, seed, place=4.5, noise=0.0)
+    well = stilled(np.arange(u.shape[1], dtype=float), y, lag)
+    y = well + 0.001 * np.random.default_rng(seed).normal(size=y.shape)  # the sensor is behind the well
+    found = posterior(u, y, o)
+    assert np.nanmedian(found.half) == pytest.approx(4.5 + lag * np.log(2.0), abs=0.15)
+    assert np.isnan(posterior(u, y).half).all()  # without outflow no lag is seen
 
 
 @WORLDS

@@ -20,7 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.fir import as_days
-from rivid.core.posterior.front import LAG_TAPS, SHARES, Fronts, averaged_fir, log_evidence, structures
+from rivid.core.posterior.front import (
+    LAG_TAPS,
+    LAGS,
+    SHARES,
+    Fronts,
+    averaged_fir,
+    log_evidence,
+    structures,
+)
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.types import Bools, Floats, Ints, Strings
@@ -74,6 +82,20 @@ def weights(
         seen = total / fronts[0].shape[1]
         link = seen / (seen + np.sum(none, axis=0))
     return q, np.where(np.isfinite(link), link, 0.0)
+
+
+def half_time(fronts: list[Floats], s: PosteriorSettings) -> Floats:
+    """Mean time in which the lag of the gauge shows half of a step [samples], shape (days,).
+
+    `fronts` are those of :func:`rivid.core.posterior.front.log_evidence` with lags, weighted as in
+    :func:`weights`: a lag of first order with time constant T shows half after T ln 2.
+    """
+    top = np.max([f.max(axis=(0, 1, 2)) for f in fronts], axis=0)
+    with np.errstate(invalid="ignore"):
+        mass = [np.exp((f - top) / s.between_temperature).sum(axis=(1, 2)) for f in fronts]
+        total = np.sum([m.sum(axis=0) for m in mass], axis=0)
+        lagged = np.sum([m[-len(LAGS) :] for m in mass[1:]], axis=0) / total
+    return np.asarray(np.log(2.0) * (np.array(LAGS) @ lagged), float)
 
 
 def wave_place(travel: Floats, gate: float, s: PosteriorSettings) -> Floats:
@@ -167,6 +189,7 @@ class PosteriorResult:
     place: Floats  # median travel time [samples], fraction included
     place_low: Floats  # 5 %
     place_high: Floats  # 95 %
+    half: Floats  # median with the half time of the gauge lag, NaN without outflow; t50 of a river
     fir: Floats  # response of the level to the inflow at that delay [output unit per m3/s], (days, M)
     fir_sd: Floats  # its standard deviation
     link: Floats  # probability that the level follows the inflow at all
@@ -223,6 +246,8 @@ def _block(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings) -> tupl
     """The equations of :func:`structures` alone."""
     fronts, q, stores, link = weighted_fronts(u, y, o, s)
     probability, right, place = fold(q, stores, s)
+    if o is not None:
+        place = np.vstack([place, place[0] + half_time(fronts[2], s)])
     fir, sd = fir_of(fronts, likeliest(probability, s), s)
     return probability.T, right.T, place.T, fir, sd, link
 
@@ -298,13 +323,14 @@ def _answer(
         "",
     )
     status = np.where(message == "", "ok", np.where(outside & ~unseen & ~still, "at_bound", "unidentifiable"))
-    middle, low, high = place.T
+    middle, low, high, *rest = place.T
+    half = rest[0] if rest else np.full(len(p), np.nan)
     for values in (beyond, sure, place, fir, sd):
         values[~known | still] = np.nan
     return PosteriorResult(
         candidates=candidates, probability=probability, beyond=beyond,
         delay=np.where(status == "ok", candidates[best], np.nan), right=sure,
         in_set=smallest_set(certain, probability) & known[:, None],
-        place=middle, place_low=low, place_high=high, fir=fir, fir_sd=sd, link=link, status=status,
-        message=message,
+        place=middle, place_low=low, place_high=high, half=half, fir=fir, fir_sd=sd, link=link,
+        status=status, message=message,
     )  # fmt: skip

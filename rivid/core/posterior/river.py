@@ -306,6 +306,6 @@ def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
         candidates=candidates, probability=probability, beyond=beyond,
         delay=np.where(status == "ok", nearest, np.nan), right=right,
         in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
-        place=t50, place_low=low, place_high=high, fir=fir, fir_sd=fir_sd, link=link, status=status,
-        message=message, gain=gain, lead=lead,
+        place=t50, place_low=low, place_high=high, half=t50, fir=fir, fir_sd=fir_sd, link=link,
+        status=status, message=message, gain=gain, lead=lead,
     )  # fmt: skip
