@@ -113,16 +113,14 @@ def _configured_out(config: Path | None) -> Path | None:
     """Return `[run] out`; errors in the file are reported where it is loaded."""
     if config is None:
         return None
-    import tomllib
+    from rivid.config import read_toml
 
     path = config / "defaults.toml" if config.is_dir() else config
     if not path.is_file():  # a pipe can be read only once, and has no directory that OUT could be relative to
         return None
     try:
-        with open(path, "rb") as file:
-            raw = tomllib.loads(file.read(1_000_000).decode("utf-8-sig"))
-        out = raw["run"]["out"]
-    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        out = read_toml(path)["run"]["out"]
+    except (ConfigError, KeyError, TypeError):
         return None
     return path.parent / out if isinstance(out, str) and out and "\0" not in out else None
 
@@ -145,10 +143,7 @@ def _refuse_other_logs(out: Path, data_dir: Path) -> None:
 
 def _logs_of(out: Path) -> Path | None:
     """Return DATA_DIR of the last run into OUT, if it is known and still exists."""
-    import json
+    from rivid.results.read import RECORD, read_json
 
-    try:
-        logs = Path(json.loads((out / "run.json").read_text(encoding="utf-8"))["data_dir"])
-        return logs.resolve() if logs.is_dir() else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    logs = read_json(out / RECORD).get("data_dir")
+    return Path(logs).resolve() if isinstance(logs, str) and Path(logs).is_dir() else None

@@ -107,6 +107,9 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     # all days and nearly all of their bars: one uncertain day must not compress the others
     bottom = min(float(T.min()), float(np.quantile(low, 0.02)))
     top = max(float(T.max()), float(np.quantile(high, 0.98)))
+    if law.status == "ok":  # the bands include the doubt of the stamps: more than the days scatter
+        bottom = min(bottom, float(law.table.day_low.min()) / days.sample_time)
+        top = max(top, float(law.table.day_high.max()) / days.sample_time)
     style.lag_ticks(ax, bottom - 0.5, top + 0.5)
     ax.grid(True)
     ax.vlines(Q, low, high, colors=style.LIGHT, linewidths=0.8, alpha=0.6, zorder=1.5)

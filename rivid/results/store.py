@@ -107,9 +107,6 @@ SEGMENT = pa.schema(
 candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
 day."""
 
-LATER = {"travel_time_s", "half_response_s", "start"}
-"""Columns that rows of version 0.1.0 lack; they are made when these are read."""
-
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
 
@@ -304,7 +301,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 5
+METHOD_VERSION = 6
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0
@@ -409,6 +406,9 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
 def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
     """Read the rows of all sound segments; return them and the damaged segments with the reason.
 
+    Rows with the columns of another version would not be used: their keys contain another
+    :data:`METHOD_VERSION`. They are listed without a reason.
+
     Rows that were read `before` stay, and only segments written since are read. Every page is read once, so
     that its checksum is verified. Nothing is changed.
     """
@@ -420,9 +420,9 @@ def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tu
     for path in sorted(p for p in segments.glob("*.parquet") if p.is_file() and p not in known):
         try:
             file = _open(path)
-            names = file.schema_arrow.names
-            if names != [name for name in SEGMENT.names if name in names or name not in LATER]:
-                raise ValueError("another version's columns")
+            if file.schema_arrow.names != SEGMENT.names:
+                damaged.append((path, ""))
+                continue
             groups = []
             for group in range(file.num_row_groups):
                 groups.append(_short(_cast(file.read_row_group(group)), len(units) + group))
@@ -454,14 +454,6 @@ def _open(path: Path) -> pq.ParquetFile:
 
 
 def _cast(table: pa.Table) -> pa.Table:
-    for name, kind in (("start", pa.string()), ("half_response_s", pa.float64())):
-        if name not in table.column_names:  # an earlier version's
-            table = table.append_column(name, pa.nulls(len(table), kind))
-    if "travel_time_s" not in table.column_names:
-        delay, whole = table["delay_s"], pc.is_null(table["probability"])
-        middle = pc.multiply(delay, pc.add(1.0, pc.divide(0.5, table["delay_samples"])))
-        table = table.append_column("travel_time_s", pc.if_else(whole, middle, delay))
-    table = table.select(SEGMENT.names)
     return table if table.schema.equals(SEGMENT) else table.cast(SEGMENT)
 
 
@@ -554,7 +546,8 @@ class Store:
         """Read all segments, or those written since `before` was read; drop and list damaged ones."""
         rows, damaged = read_rows(self.segments, before)
         for path, reason in damaged:
-            self.damaged.append(f"{path.name}: {reason}")
+            if reason:
+                self.damaged.append(f"{path.name}: {reason}")
             path.unlink(missing_ok=True)
         return rows
 

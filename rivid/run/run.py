@@ -7,8 +7,6 @@ alone and failed.
 """
 
 import datetime as dt
-import hashlib
-import json
 import re
 import time
 from collections import defaultdict
@@ -149,7 +147,7 @@ def make_plan(
     now = options.today or logs.now_at(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
-    key_of = _under(settings)
+    used = store.digest(settings)
     windows = []
     for date in sources:
         days = [date - dt.timedelta(days=k) for k in range(length - 1, -1, -1)]
@@ -161,7 +159,8 @@ def make_plan(
         unfinished = str(may_be_today) if date >= may_be_today else None
         for span, start in _spans(data_dir, present[-1:], config):
             part = store.digest(content, span) if span else content
-            windows.append(Window(date, present, key_of(part, unfinished), missing, part, span, start))
+            key = store.digest(part, used, unfinished)
+            windows.append(Window(date, present, key, missing, part, span, start))
     if not windows:
         takes = f"{length} days in a row ([run] window_days)"
         if config.run.window:
@@ -200,19 +199,6 @@ def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str
         return {}
     tasks = ((logs.look_ahead, path, config) for path in paths)
     return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
-
-
-def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
-    """The key of a content under settings: ``digest(content, settings, unfinished)``, quickly."""
-    mark = "\0"
-    text = json.dumps([store.METHOD_VERSION, mark, settings], sort_keys=True, default=str)
-    begun, between = text.split(json.dumps(mark), 1)
-
-    def key(content: str, unfinished: str | None) -> str:
-        rest = f"{begun}{json.dumps(content)}{between[:-1]}, {json.dumps(unfinished)}]"
-        return hashlib.sha256(rest.encode()).hexdigest()
-
-    return key
 
 
 Done = Callable[[int], None]
