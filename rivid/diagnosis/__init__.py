@@ -1,1 +1,1 @@
-"""Find the effect that a simulation of the reach lacks."""
+"""Find the effects that a simulation of the reach lacks."""

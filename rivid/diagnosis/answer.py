@@ -1,4 +1,4 @@
-"""The result of a study: verdict, named effects, gap, its regimes, and the arrays behind them."""
+"""Diagnosis of a study: verdict, named effects, gap, regimes, and the underlying arrays."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -36,22 +36,22 @@ from rivid.text import shown_in
 from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
-"""Share of a squared error beyond the noise from which nothing is called complete: of 26 development seasons
-with nothing hidden four had more, and eleven more than :data:`rivid.diagnosis.decision.MATERIAL`."""
+"""Share of the squared error beyond the noise above which "no_gap" is no verdict. Four of 26 development
+seasons with nothing hidden exceed it, and eleven :data:`rivid.diagnosis.decision.MATERIAL`."""
 LEAST_RATIO = 3.0
-"""Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
+"""Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
 LEAST_P = 0.01
-"""Largest p of the location of the remainder at which it is reported."""
+"""Largest p-value at which the location of the remainder is reported."""
 STEP = 0.15
-"""A step is a change of the outflow by this share of its 5-95 % range, within :data:`RISE`."""
+"""Smallest step of the outflow, as a share of its 5-95 % range; it takes :data:`RISE` at most."""
 RISE, AFTER = 1800.0, 3600.0
-"""Time in which a step is made, and time after its end that counts as after it [s]."""
+"""Longest duration of a step, and time after its end that counts as after it [s]."""
 NIGHT = (22.0, 6.0)
-"""Hours of the night."""
+"""Start and end of the night [h]."""
 PLACED = ("starts", "place", "per_day", "per_month", "rise")
-"""Parameters that set where and when an effect acts; they have no estimate of their own."""
+"""Parameters that set where and when an effect acts; they are not reported as estimates."""
 MANY = 12
-"""Most values of a parameter that are reported one by one [-]; of more, median and 95 % range."""
+"""Most values of a parameter reported one by one [-]; of more, median and 95 % range are reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +63,17 @@ class Evidence:
     record : Record
     split : Split
     run_before, run_after : ndarray, shape (days, n)
-        The simulated output of each day [m or m3/s] without and with the named effects, set to the
-        measurement at the day's first sample that counts, and free from there.
+        Simulated output of each day [m or m3/s] without and with the named effects, running free from the
+        measurement at the day's first used sample.
     residual_before, residual_after : ndarray, shape (days, n)
-        Measured less simulated about the observed course; NaN where nothing was measured. The mean of
-        each day is arbitrary.
+        Measured minus simulated output, linearised about the observed output; NaN where nothing was measured.
+        The mean of each day is arbitrary.
     inflow_before, inflow_before_sd, inflow_after, inflow_after_sd : ndarray, shape (days, n)
-        The unexplained inflow w [m3/s] and its standard deviation, from whole days.
+        Unexplained inflow w [m3/s] and its standard deviation, smoothed over whole days.
     step_response : ndarray, shape (n,)
-        Output at each sample after 1 m3/s more flows in at the upstream dam.
+        Change of the output at each sample after 1 m3/s more enters at the upstream dam.
     model : Model or None
-        As it was fitted, with the named effects.
+        Fitted model with the named effects.
     """
 
     record: Record
@@ -93,7 +93,7 @@ class Evidence:
 def conclude(
     study: Study, classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
-    """The diagnosis of a study, and its arrays; `floor` is the RMSE of the true model at each horizon."""
+    """Return a study's diagnosis and its arrays; `floor` is the RMSE of the true model at each horizon."""
     gap = replace(_gap(study, floor), by_regime=regimes(study))
     evidence = _evidence(study)
     remainder = _unknown(study, evidence)
@@ -112,7 +112,7 @@ def conclude(
 
 
 def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict, str]:
-    """Verdict and its reason in a sentence."""
+    """Return the verdict and a sentence with its reason."""
     base, end = gap.rmse_baseline[1], gap.rmse_augmented[1]
     factor, unit = shown_in(gap.unit)
     shown = f"{factor * base:.3g} {unit} to {factor * end:.3g} {unit} after 4 h"
@@ -175,7 +175,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
 
 
 TIMES = {2: " (twice)", 3: " (three times)", 4: " (four times)"}
-"""How often a name is sure, in words."""
+"""Words for the number of times that an effect is named."""
 
 
 def _words(name: str) -> str:
@@ -189,11 +189,11 @@ USUAL: dict[str, str] = {
     "timing": "Compare the clocks of both logs and log one step of each gate with seconds.",
     "level": "Read the gauge against a staff or a second sensor.",
 }
-"""By family, for effects without a measurement of their own."""
+"""Recommended measurement by family, for effects without a specific one."""
 
 
 def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str | None:
-    """Measurement that separates an effect from those it is tied with; None where nothing is tied."""
+    """Return the measurement that separates an effect from those tied with it, or None if none is tied."""
     others = tuple(tied)
     if not others:
         return None
@@ -205,7 +205,7 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
-    """What to measure next."""
+    """Return the recommended next measurement, or None."""
     if verdict == "unknown":
         one = _likeliest_unknown(study)
         kind = "" if one is None else one.unknown
@@ -219,12 +219,12 @@ def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> s
 
 
 def _likeliest_unknown(study: Study) -> Explanation | None:
-    """The most probable explanation by something unknown; None where none competes."""
+    """Return the most probable explanation with an unknown cause, or None if there is none."""
     return next((one for one, _ in study.ranking if one.unknown), None)
 
 
 def _small(study: Study) -> tuple[str, ...]:
-    """Effects that are sure and immaterial, each in a sentence."""
+    """Describe each effect that is probable but immaterial in a sentence."""
     found = []
     for name in dict.fromkeys(name for one, _ in study.ranking for name in one.names):
         p = sum(chance for one, chance in study.ranking if name in one.names)
@@ -245,7 +245,7 @@ def _small(study: Study) -> tuple[str, ...]:
 
 
 def _ranking(study: Study) -> tuple[Ranked, ...]:
-    """Explanations by the names that matter; those that differ in small effects or the response are one."""
+    """Rank explanations, merging those that differ only in immaterial effects or the response."""
     base, known = study.score(study.first), tuple(effect.name for effect in study.start)
     found: dict[tuple[tuple[str, ...], str], Ranked] = {}
     for one, p in study.ranking:
@@ -261,7 +261,7 @@ def _ranking(study: Study) -> tuple[Ranked, ...]:
 
 
 def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect, ...]:
-    """The effects that are sure; where none is, the first of the group with the others as ties."""
+    """Return the sure effects or, if there are none, the first of the group with the others as ties."""
     if not (study.sure or study.group):
         return ()
     tied = () if study.sure else study.group[1:]
@@ -293,9 +293,9 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
 
 
 def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
-    """Standard errors of the free numbers of an effect of the last explanation.
+    """Return standard errors of the free values of an effect of the last explanation.
 
-    Between two commands the output does not change with a parameter in which it changes in steps.
+    A stepwise parameter has no influence between two commands, which adds to its standard error.
     """
     errors, effect = study.last.errors_of(index), study.last.effects[index]
     for key in effect.stepwise:
@@ -307,7 +307,7 @@ def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
 def _parameters(
     effect: Effect, errors: dict[tuple[str, int | None], float], events: Sequence[Event], quantile: float
 ) -> tuple[Estimate, ...]:
-    """Estimates with intervals of 95 %: standard errors of fitted values, or of the sizes of events."""
+    """Return estimates with 95 % intervals, from standard errors of fitted values or of event sizes."""
     found = []
     for name, spec in effect.parameters().items():
         value = getattr(effect, name)
@@ -329,7 +329,7 @@ def _parameters(
 
 
 def _quantile(study: Study) -> float:
-    """Standard errors in half an interval of 95 %: Student's, for they come from few blocks."""
+    """Return the 97.5 % quantile of Student's t: standard errors are estimated from few blocks."""
     from scipy.stats import t
 
     return float(t.ppf(0.975, max(len(np.unique(study.split.block[study.opened])) - 1, 1)))
@@ -390,7 +390,7 @@ def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float])
 
 
 def _of_noise(study: Study) -> Unknown | None:
-    """The size of what is unknown, from the most probable explanation that holds it."""
+    """Return the size of the unknown cause in the most probable explanation that has one."""
     one = _likeliest_unknown(study)
     if one is None:
         return None
@@ -399,15 +399,15 @@ def _of_noise(study: Study) -> Unknown | None:
 
 
 def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
-    """The remainder, if it has a period or a place."""
+    """Return the unexplained remainder if it has a period or a location, else None."""
     record, last = study.record, study.last
     seen = np.where(record.used, last.residual, np.nan)
     innovations = last.noise.whiten(seen, activity=record.activity)
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place, blocks = None, study.split.block
-    if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # with fewer no place is certain
+    if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # fewer give no significant location
         place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
-    # size, dates and period are those of the same days
+    # size, dates and period refer to the same days
     dates = place.windows[0] if place is not None and place.windows else None
     within = np.array([dates is None or dates[0] <= day <= dates[1] for day in record.dates])
     used = record.used & within[:, None]
@@ -423,7 +423,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     )
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
-    short = slow is None or period < SHORTEST  # a slower one is the same, from segments of a day
+    short = slow is None or period < SHORTEST  # a longer period repeats `slow`
     swing = ratio > max(limit, LEAST_RATIO) and not known and short
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
@@ -464,7 +464,7 @@ def _notes(study: Study) -> tuple[str, ...]:
     notes = list(study.notes)
     at_limit = [
         f.name for f in study.last.model.reach.parameters
-        if f.value >= f.high or f.value <= f.low < f.mean  # a gauge without a well has no lag
+        if f.value >= f.high or f.value <= f.low < f.mean  # gauge_lag may be 0, its prior mean
     ]  # fmt: skip
     if at_limit:
         notes.append(f"calibrated values at their limits: {', '.join(at_limit)}")
@@ -475,10 +475,10 @@ def _notes(study: Study) -> tuple[str, ...]:
 
 
 def regimes(study: Study) -> tuple[Regime, ...]:
-    """The gap on the sealed days by the state of the reach in which a forecast ends.
+    """Return the gap on the sealed days by the state of the reach at the target of each forecast.
 
-    Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A state
-    that is always or never there is left out. Events of the day itself are unknown, as in the gap.
+    States: low, middle and high inflow; for a pool, after a step of the outflow and calm; night and day. A
+    state that always or never occurs is left out. Events of the day itself are unknown, as in the gap.
     """
     record = study.record
     first, last = study.first, study.last
@@ -494,7 +494,7 @@ def regimes(study: Study) -> tuple[Regime, ...]:
 
 
 def states(record: Record) -> list[tuple[str, str, Bools]]:
-    """Name, words and samples (days, n) of each state; terciles are those of all samples that count."""
+    """Return name, words and samples (days, n) of each state; inflow terciles are of the used samples."""
     found: list[tuple[str, str, Bools]] = []
     low, high = np.quantile(record.inflow[record.used], [1.0 / 3.0, 2.0 / 3.0])
     if low < high:
@@ -519,9 +519,9 @@ def states(record: Record) -> list[tuple[str, str, Bools]]:
 
 
 def after_step(record: Record) -> tuple[Bools, float]:
-    """Samples during a step of the outflow and in the hour after it, shape (days, n), and its size [m3/s].
+    """Return samples in and within an hour after a step of the outflow (days, n); its least size [m3/s].
 
-    Smaller changes of the outflow occur all the time and are no steps.
+    Smaller changes of the outflow occur all the time and do not count as steps.
     """
     rise, after = (max(round(t / record.sample_time), 1) for t in (RISE, AFTER))
     low, high = np.quantile(record.outflow[record.used], [0.05, 0.95])

@@ -1,8 +1,8 @@
-"""Blocks of days, and which of them are open and which are sealed.
+"""Blocks of days, and the choice of open and sealed days.
 
-Whole days go in blocks, and blocks are dealt in the cycle fit, fit, select, fit, sealed, spread over the same
-season. Fit and select are open to the diagnosis, which leaves out a block at a time; the law of the operators
-is fitted to the first and chosen by the second. Sealed days are used once, at the end.
+Blocks of whole days get roles in the cycle fit, fit, select, fit, sealed, over the whole season. Fit and
+select days are open: the diagnosis fits and scores on them, one block left out at a time. The law of the
+operators is fitted to the first and validated on the second. Sealed days are used once, at the end.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from rivid.errors import RividError
 from rivid.types import Bools, Ints
 
 SHORT, LONG, SEASON = 3, 7, 90
-"""Days in a block: 3 up to 90 days of data, else 7."""
+"""Days in a block: 3 for up to 90 days of data, else 7."""
 
 
 class Role(IntEnum):
@@ -32,25 +32,25 @@ CYCLE = (Role.FIT, Role.FIT, Role.SELECT, Role.FIT, Role.SEALED)
 
 @dataclass(frozen=True)
 class Split:
-    """Days dealt into roles."""
+    """Roles and blocks of days."""
 
-    day: Ints  # (days,): days since the first one; gaps of the calendar included
+    day: Ints  # (days,): calendar days since the first one
     role: Ints  # (days,): a :class:`Role` each
-    block: Ints  # (days,): number of the day's block, 0, 1, ... without holes
+    block: Ints  # (days,): number of the day's block: 0, 1, ... without gaps
 
     @property
     def fit(self) -> Bools:
-        """Days that fit, shape (days,)."""
+        """Days to fit, shape (days,)."""
         return np.asarray(self.role == Role.FIT)
 
     @property
     def select(self) -> Bools:
-        """Days that select, shape (days,)."""
+        """Days to select, shape (days,)."""
         return np.asarray(self.role == Role.SELECT)
 
     @property
     def sealed(self) -> Bools:
-        """Days that confirm and are used once, shape (days,)."""
+        """Days to confirm, used once; shape (days,)."""
         return np.asarray(self.role == Role.SEALED)
 
     @property
@@ -60,9 +60,9 @@ class Split:
 
 
 def split(days: int | Sequence[object] | NDArray[np.datetime64], block_days: int | None = None) -> Split:
-    """Deal whole days, so many in a row or of these dates, into blocks of so many days, and into roles.
+    """Divide whole days (a number of consecutive ones, or dates) into blocks of `block_days` and roles.
 
-    A block never reaches across a gap in the calendar that is longer than itself.
+    A block never spans a gap in the calendar that is longer than itself.
 
     Examples
     --------

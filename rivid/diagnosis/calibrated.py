@@ -1,6 +1,6 @@
-"""model.toml: the calibrated reach as a scenario, and in `[calibration]` as it was fitted, written and read.
+"""Read and write model.toml: the calibrated reach as a scenario and, in `[calibration]`, as it was fitted.
 
-A table of the response's own fields, so that the model that is read is the one that was fitted.
+`[calibration]` holds the fields of the response, so that the model read equals the fitted one.
 """
 
 import datetime as dt
@@ -39,12 +39,12 @@ class ReachModel:
     Attributes
     ----------
     name : str
-        Of the reach.
+        Name of the reach.
     model : Model
     sample_time : float
         T_s [s].
     origin : dict
-        Where the model comes from: days, verdict, version, intervals of its parameters.
+        Origin of the model: days, verdict, version, intervals of its parameters.
     """
 
     name: str
@@ -54,17 +54,17 @@ class ReachModel:
 
     @property
     def kind(self) -> Kind:
-        """Pool, with a level as output, or river, with a discharge."""
+        """Kind of the reach: "pool", with a level as output, or "river", with a discharge."""
         return "river" if self.model.reach.surface_area is None else "pool"
 
     @property
     def noise(self) -> NoiseModel:
-        """The noise of the residual; a calibrated model has one."""
+        """Noise of the residual; a calibrated model has one."""
         assert self.model.noise is not None
         return self.model.noise
 
     def kernels(self, samples: int) -> dict[str, Floats]:
-        """Output after 1 m3/s more of u_Qi (`up`) and of u_Qo (`down`) on the usual flow, (samples,).
+        """Return the output after 1 m3/s more of u_Qi (`up`) and u_Qo (`down`) at the usual flow, (samples,).
 
         See :func:`rivid.diagnosis.response.base.kernels_of`.
         """
@@ -80,7 +80,7 @@ class ReachModel:
 
 
 def calibration(model: Model) -> dict[str, Any]:
-    """The table `[calibration]` of a model: its response, noise and references."""
+    """Return the table `[calibration]` of a model: its response, noise and references."""
     reach, noise = model.reach, model.noise
     assert noise is not None
     own = {
@@ -100,7 +100,7 @@ def calibration(model: Model) -> dict[str, Any]:
 
 
 def load_model(path: Path | str) -> ReachModel:
-    """Read the calibrated reach of `rivid diagnose`: model.toml, or the directory that holds it."""
+    """Read the calibrated reach of `rivid diagnose` from model.toml or the directory that contains it."""
     path = Path(path)
     path = path / "model.toml" if path.is_dir() else path
     if not path.exists():
@@ -162,8 +162,8 @@ def write_model(
 ) -> None:
     """Write the calibrated reach and the named effects, after those known from the start, as a scenario.
 
-    `model` is what `[calibration]` holds; without it the file is a scenario alone. `rivid simulate` runs that
-    of a pool; that of a river reach is for `diagnose --model`, `forecast` and `export`.
+    `model` is stored in `[calibration]`; without it the file is only a scenario. `rivid simulate` runs the
+    scenario of a pool; that of a river reach is for `diagnose --model`, `forecast` and `export`.
     """
     reach = config.reach
     noise = diagnosis.noise or {}
@@ -179,7 +179,7 @@ def write_model(
         tables["reach"] |= {"depth": reach.depth, "wave_depth": _wave_depth(config, record, found["delay"])}
     if record.kind == "pool" and "length" in found:
         modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
-        modes["bed"] = [0.0, *modes["bed"]]  # the first is the fall
+        modes["bed"] = [0.0, *modes["bed"]]  # the first mode is the fall
         tables["reach"]["width"] = bed_width(found["width"], found["bank"], found["depth"])
         tables["channel"] = {
             "bed_level": level - found["depth"] - 0.5 * found["fall"],
@@ -218,14 +218,14 @@ def write_model(
 
 
 def _wave_depth(config: Config, record: Record, delay: float) -> float:
-    """Depth at which a wave takes `delay` [s] at the usual flow [m]."""
+    """Return the depth at which a wave takes `delay` [s] at the usual flow [m]."""
     reach = config.reach
     celerity = reach.length / delay - record.usual_flow / (reach.width * reach.depth)
     return max(celerity, 0.1) ** 2 / GRAVITY
 
 
 def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:
-    """The effects of an augmented model."""
+    """Read the effects of an augmented model."""
     raw = read_toml(path)
     tables = raw.get("effects", [])
     if not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):
@@ -235,7 +235,7 @@ def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:
 
 
 def _rounded(value: Any) -> Any:
-    """TOML values with plain numbers, those above 1e-3 to nine decimals."""
+    """Return TOML values with plain numbers, those above 1e-3 rounded to nine decimals."""
     if isinstance(value, dict):
         return {key: _rounded(part) for key, part in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The nominal responses of a configured reach, the library, and the least noise of its gauge."""
+"""Nominal responses of a configured reach, the library of effects, and the lower limit of the gauge noise."""
 
 import numpy as np
 
@@ -14,14 +14,14 @@ from rivid.errors import ConfigError
 
 FALLBACKS: tuple[Fronts, ...] = ("none", "fir")
 SPREAD = 0.3
-"""Spread of a river's arrivals, first guess, as a share of its delay."""
+"""Initial standard deviation of a river's arrival times, as a share of its delay [-]."""
 
 
 def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
-    """Nominal responses of the configured reach, which compete.
+    """Return the competing nominal responses of the configured reach.
 
-    A pool: Saint-Venant, the integrator with its delay, and FIRs on both flows for unknown dynamics. A river:
-    a diffusive wave.
+    For a pool: Saint-Venant, an integrator with delay, and the same with FIR filters on both flows for
+    unknown dynamics. For a river: a diffusive wave.
     """
     first = response_of(config, record)
     if record.kind == "river":
@@ -39,7 +39,7 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
 
 
 def response_of(config: Config, record: Record) -> Response:
-    """The preferred response: Saint-Venant for a pool, a diffusive wave for a river."""
+    """Return the preferred response: Saint-Venant for a pool, a diffusive wave for a river."""
     reach, flow = config.reach, record.usual_flow
     if reach.kind == "river":
         bounds = travel_bounds(flow, length=reach.length, width=reach.width, depth=reach.depth)
@@ -52,7 +52,7 @@ def response_of(config: Config, record: Record) -> Response:
         return RiverResponse.nominal(delay, SPREAD * delay, flow)
     level = record.usual_output
     settings, depth = config.diagnose, reach.depth
-    if reach.bed_level is not None:  # under the dam: by half of the fall more than the mean depth
+    if reach.bed_level is not None:  # depth at the dam: mean depth plus half of the fall
         deepest = level - reach.bed_level
         depth = (
             deepest / (1.0 + 0.5 * FALL)
@@ -71,7 +71,7 @@ def response_of(config: Config, record: Record) -> Response:
 
 
 def library_of(config: Config) -> dict[str, type[Effect]]:
-    """The effects that may be named."""
+    """Return the effects that may be named."""
     settings = config.diagnose
     classes = effect_classes(settings.effects_file)
     for name in settings.exclude:
@@ -83,7 +83,7 @@ def library_of(config: Config) -> dict[str, type[Effect]]:
 
 
 def gauge_floor_of(config: Config, record: Record) -> float:
-    """Least gauge noise [m or m3/s]: that of the reading's step, configured or seen in the readings."""
+    """Return the least gauge noise [m or m3/s] from the configured or estimated step of readings."""
     step = config.diagnose.gauge_step
     if step is None:
         moves = np.abs(np.diff(record.output[record.used]))

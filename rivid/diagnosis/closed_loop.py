@@ -1,7 +1,7 @@
-"""The sealed days with the operators in the loop, driven by the logged inflow alone.
+"""Simulation of the sealed days with the operators in the loop, driven by the logged inflow alone.
 
-An open loop takes the logged outflow, and drifts as soon as water is missing. In a closed loop the operators
-act on the simulated level: the level stays, and the missing water shows in their outflow.
+An open loop uses the logged outflow and drifts as soon as water is missing. In a closed loop the operators
+act on the simulated level: the level is held, and the missing water appears in their outflow.
 """
 
 from collections.abc import Sequence
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
 
 
 TURNS = 6
-"""Most runs of a day, each with the front corrections of the outflow that the run before gave."""
+"""Maximum number of runs of a day, each with the front corrections for the outflow of the previous run."""
 CONVERGED = 1e-3
-"""Change of the level from run to run that ends them [m]."""
+"""Change of the level between runs at which they end [m]."""
 READINGS = 5
-"""Readings; their mean sets a day's first level."""
+"""Number of readings averaged for a day's initial level."""
 LEAST_R2 = 0.5
-"""Least share of the outflow's hourly changes that a law must explain to be simulated in a loop."""
+"""Least share of the outflow's hourly changes that a law must explain for a closed-loop simulation."""
 FEWEST_DAYS = 3
 """Fewest sealed days simulated to their end for which errors are reported."""
 SHOWN = 0.8
-"""Quantile of the days' outflow errors, without the effects, of the day that is shown."""
+"""Quantile of the days' outflow errors, without the effects, that selects the day in the figure."""
 
 
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
-    """Level [m] and commands [m3/s] of one day with the operators in the loop, shape (n,) each.
+    """Simulate level [m] and commands [m3/s] of one day with the operators in the loop, shape (n,) each.
 
-    NaN before the first sample that counts. `day` is a record of one row, `changes` those on it. Raises where
-    the pool runs dry.
+    NaN before the first used sample. `day` is a record of one row, `changes` those on it. Raises RividError
+    if the pool runs dry.
     """
     first = int(np.argmax(day.used[0]))
     plain = without_fronts(reach)
@@ -69,7 +69,7 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[F
 
 
 def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) -> OperatorArrays:
-    """The operators of a day from sample `first` on, starting from the logged command.
+    """Return the operators of a day from sample `first` on, starting from the logged command.
 
     `offset` (n - first,) is the gauge's reading above the simulated water [m], `water` that water at the
     first sample [m].
@@ -79,7 +79,7 @@ def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) 
     aim = float(law.set_point.at(day_flow(day))[0])
     off = float(quantise(np.array(water + offset[0]), law.gauge_quantum)) - aim
     error = float(np.copysign(max(abs(off) - law.dead_band, 0.0), off))
-    # The loop starts with the inflow passed on and the first error answered: both are taken off here.
+    # The loop adds the response to the inflow and to the first error: both are subtracted here.
     start = float(day.outflow[0, first]) - law.level_gain * error
     return OperatorArrays(
         inflow=start + law.feedforward * (inflow - inflow[0]), disturbance=offset, aim=np.full(n, aim),
@@ -138,7 +138,7 @@ def _pool(
 
 
 def without_fronts(reach: Response) -> Response:
-    """The same reach without its sums of lagged flows, which the loop over time does not contain."""
+    """Return the reach without its sums of lagged flows, which the time loop does not include."""
     if isinstance(reach, LinearPool):
         if reach.fronts == "none":
             return reach
@@ -154,7 +154,7 @@ def without_fronts(reach: Response) -> Response:
 
 
 def _fronts(reach: Response, plain: Response, day: Record, changes: Changes, outflow: Floats) -> Floats:
-    """Contribution of those lagged flows to the level, shape (1, n) [m]."""
+    """Return the contribution of those lagged flows to the level, shape (1, n) [m]."""
     if plain is reach:
         return np.zeros(day.time.shape)
     commanded = replace(day, outflow=outflow)
@@ -165,18 +165,18 @@ def _fronts(reach: Response, plain: Response, day: Record, changes: Changes, out
 
 
 def first_level(day: Record, simulated: Floats) -> float:
-    """Measured less simulated level over the last readings up to a day's first sample that counts [m]."""
+    """Return measured minus simulated level over the last readings up to a day's first used sample [m]."""
     end = len(simulated)
     off = (day.output[0, :end] - simulated)[max(end - READINGS, 0) :]
     return float(np.mean(off[np.isfinite(off)]))
 
 
 def closed_loop(study: "Study") -> ClosedLoop | None:
-    """Level and outflow of the sealed days with the operators in the loop, compared with the measured ones.
+    """Compare level and outflow of the sealed days, with the operators in the loop, with the measured ones.
 
-    Each day starts from the state that the logs before its first used sample give, with the level set to the
-    measured one and the command to the logged one; from there on only the inflow is logged. None for a river
-    reach; without errors, but with a reason, where the logs do not follow a law.
+    Each day starts from the state simulated from the logs before its first used sample, with the measured
+    level and the logged command; from there on only the inflow is logged. Returns None for a river reach, and
+    a reason without errors if the logs do not follow a law.
     """
     record = study.record
     if record.kind != "pool":
@@ -228,7 +228,7 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
 
 
 def _opened(model: "Model", sealed: Record, changes: Changes) -> Floats:
-    """The level with the logged outflow, started as the closed loop, shape (days, n)."""
+    """Simulate the level with the logged outflow, started as the closed loop, shape (days, n)."""
     level = model.reach.simulate(sealed, changes)
     for i, row in enumerate(level):
         first = int(np.argmax(sealed.used[i]))
@@ -242,13 +242,13 @@ def _rms(off: Floats, record: Record) -> float:
 
 
 def _spread(level: Floats, record: Record) -> float:
-    """Standard deviation about each day's mean."""
+    """Return the standard deviation about each day's mean."""
     there = np.where(record.used, level, np.nan)
     return _rms(there - np.nanmean(there, axis=1, keepdims=True), record)
 
 
 def _shown(sealed: Record, level: Sequence[Floats], outflow: Sequence[Floats]) -> LoopDay:
-    """The day at :data:`SHOWN` of the errors of the outflow, without the effects."""
+    """Return the day at the quantile :data:`SHOWN` of the outflow errors without the effects."""
     off = np.where(sealed.used, outflow[1] - outflow[0], np.nan)
     order = np.argsort(np.nanmean(off**2, axis=1), kind="stable")
     i = int(order[round(SHOWN * (len(order) - 1))])

@@ -1,4 +1,4 @@
-"""Records: days of logs as rows on one grid, each with the samples before it as lead time."""
+"""Records: days of logs as rows on one grid, each preceded by samples of lead time."""
 
 import datetime as dt
 from collections.abc import Iterable, Sequence
@@ -26,10 +26,10 @@ from rivid.types import DAY, Floats
 
 Kind = Literal["pool", "river"]
 START_UP = 30
-"""Samples, beyond the delay, in which a day without a predecessor forgets its assumed start."""
+"""Samples, beyond the delay, after which a day without a predecessor has forgotten its assumed start."""
 FADED = 3.0
-"""Memories of its waves after which a pool has forgotten that it was assumed steady: 5 % of them are left.
-With the start-up alone 29 releases were found in a season of 39 days, 27 within half an hour of midnight."""
+"""Start-up of a pool, in memories of its waves: 5 % of the waves of a wrong steady start then remain. With
+START_UP alone 29 releases were found in a season of 39 days, 27 within half an hour of midnight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Record:
     Attributes
     ----------
     dates : tuple of datetime.date
-        A row for each, in order.
+        Date of each row, in order.
     time : ndarray, shape (days, n)
         Seconds since the midnight of `dates[0]`. The first `lead` samples of a row are before its day.
     inflow : ndarray, shape (days, n)
@@ -49,15 +49,15 @@ class Record:
     output : ndarray, shape (days, n)
         Level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing.
     used : ndarray of bool, shape (days, n)
-        Samples that count: of the day itself and the last one before it, with an output, and not in the
-        start-up of a day without a predecessor.
+        Samples used in fits and scores: those of the day itself and the last one before it, with an output,
+        and not in the start-up of a day without a predecessor.
     lead : int
         Samples before each day.
     sample_time : float
         T_s [s].
     kind : {"pool", "river"}
     activity : ndarray, shape (days, n), or None
-        Of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known.
+        Activity of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known.
     """
 
     dates: tuple[dt.date, ...]
@@ -98,8 +98,8 @@ class Record:
         return float(np.median(self.inflow[self.used]))
 
     def world(self, level: float | None = None, flow: float | None = None) -> World:
-        """Grid and logs for effects; the usual level and flow unless given."""
-        past = dt.timedelta(days=int(self.time[0, self.lead] // DAY))  # of some days, the first may be later
+        """Return grid and logs for effects; `level` and `flow` are the usual ones by default."""
+        past = dt.timedelta(days=int(self.time[0, self.lead] // DAY))  # a subset may start later
         return World(
             time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0] - past,
             sample_time=self.sample_time, level=self.usual_output if level is None else level,
@@ -107,7 +107,7 @@ class Record:
         )  # fmt: skip
 
     def take(self, rows: ArrayLike) -> "Record":
-        """Some of the days, `rows` as an index or a mask; times still count from the first day of all."""
+        """Return the days `rows`, an index or a mask; times still count from the first day of all."""
         kept = np.arange(self.days)[np.asarray(rows)]
         return replace(
             self, dates=tuple(self.dates[i] for i in kept), time=self.time[kept], inflow=self.inflow[kept],
@@ -118,16 +118,16 @@ class Record:
 
 NEAR = 0.25
 """Share of the delay by which a front may be early or late: twice the few percent of the geometry, squared in
-the celerity, and the shape of a front as long as that."""
+the celerity, and the equally long shape of a front."""
 
 
 def activity(record: Record, up: Floats, down: Floats) -> Floats:
-    """What changes of the flows have just changed the output's rate by, squared, shape (days, n).
+    """Return the squared recent change of the output's rate by changes of the flows, shape (days, n).
 
-    A response is least right where the flows have moved: a front that is early or late by a share of a sample
-    changes the output by that share of the change of its rate. The place of a front is uncertain by some
-    samples, so that the squares are means over :data:`NEAR` of the delay to either side. `up` and `down` (n,)
-    are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
+    The error of a response is largest where the flows have changed: a front that is early or late by a share
+    of a sample changes the output by that share of the change of its rate. As the position of a front is
+    uncertain by some samples, squares are averaged over :data:`NEAR` of the delay to either side. `up` and
+    `down` (n,) are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
     """
     n = record.time.shape[1]
     order = 2 if record.kind == "pool" else 1
@@ -146,19 +146,19 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
 
 
 LONGEST = 150.0
-"""Longest samples that shorter ones are joined to [s]: six in the 15 minutes of the nearest forecast."""
+"""Longest sample to which shorter ones are joined [s]: six in the 15 minutes of the nearest forecast."""
 A_FRONT = 4
-"""Fewest samples of a usual delay after that: the arrival of a front is fitted between samples."""
+"""Fewest samples of a usual delay after joining: the arrival of a front is fitted between samples."""
 
 
 def joined(config: Config, sample_time: float) -> int:
-    """How many samples a diagnosis takes together: events are sought in matrices of the samples of a day."""
+    """Return how many samples a diagnosis joins: event searches use matrices of the samples of a day."""
     delay = sample_time * (config.reach.proposal(sample_time).delay_scale + 1.0)
     return max(int(min(LONGEST, delay / A_FRONT) / sample_time), 1)
 
 
 def lead_of(config: Config, inflow: Floats, sample_time: float) -> int:
-    """Samples in which a simulation of a reach forgets its start: a delay, and until its waves have faded."""
+    """Return the samples in which a simulation forgets its start: a delay, and the decay of its waves."""
     reach = config.reach
     start_up = float(START_UP)
     if reach.kind == "pool":
@@ -181,12 +181,12 @@ def as_record(
     kind: Kind = "pool",
     every: int = 1,
 ) -> Record:
-    """Put days, in order, in rows and give each the end of the day before it, `lead` samples.
+    """Arrange days, in order, in rows and give each the end of the day before it, `lead` samples.
 
     Samples are `seconds` (N,) after local midnight. The logs (days, N) are u_Qi [m3/s], u_Qo [m3/s] (None for
     a river reach) and level [m] or discharge [m3/s], NaN where missing. `every` samples of `sample_time` [s]
-    are joined to one: the mean of a flow, which is held, and that of the readings about the first of them.
-    `lead` counts joined samples.
+    are joined to one: the mean of a flow, which is constant over a sample, and the mean of the readings about
+    the first of them. `lead` counts joined samples.
     """
     clock, u, y = (np.asarray(x, float) for x in (seconds, inflow, output))
     o = np.zeros_like(u) if outflow is None else np.asarray(outflow, float)
@@ -223,7 +223,7 @@ def as_record(
     used = np.isfinite(y)
     used[~follows, :lead] = False
     before = np.zeros((len(dates), lead), bool)
-    before[follows, lead - 1 :] = used[previous[follows], -1:]  # what comes over midnight counts, too
+    before[follows, lead - 1 :] = used[previous[follows], -1:]  # changes at midnight count, too
     return Record(
         dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
         output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
@@ -241,7 +241,7 @@ def read_record(
 ) -> tuple[Record, "Known"]:
     """Read the days of DATA_DIR, or of one file, that a diagnosis can use, from `first` until `last`.
 
-    Without values that `rivid check` finds untrue. A log of `today` may be unfinished.
+    Values that `rivid check` finds untrue are left out. A log of `today` may be unfinished.
     """
     catalog = find_days(root, config)
     failed: list[tuple[dt.date | None, str]] = [(None, f"{name}: {why}") for name, why in catalog.bad_files]
@@ -301,20 +301,20 @@ def read_record(
 
 
 class Known(NamedTuple):
-    """What is known of logs before a diagnosis."""
+    """Facts about the logs known before a diagnosis."""
 
     notes: tuple[str, ...] = ()
-    """What was left out and why, and what else `rivid check` finds wrong."""
+    """What was left out and why, and other findings of `rivid check`."""
     dated: tuple[Effect, ...] = ()
-    """Effects that it finds, with their dates."""
+    """Effects found by `rivid check`, with their dates."""
 
 
 def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Known]:
     """Leave out what `rivid check` finds untrue: values of the output, or whole days.
 
-    A jump of the gauge and a shifted clock are effects, and left to the search. No search can find one that
-    is on sealed days alone: these days are left out. `days` are in order of dates; an output that is left out
-    becomes NaN.
+    A jump of the gauge and a shifted clock are effects, and are left to the search. No search can find one on
+    sealed days alone: these days are left out. `days` are in order of dates; output that is left out becomes
+    NaN.
     """
     left, notes, dated = {day.date: day for day in days}, list[str](), list[Effect]()
     findings = [finding for finding in check_days(days, config) if finding.wrong]
@@ -348,7 +348,7 @@ def _no_day(
     root: Path, failed: list[tuple[dt.date | None, str]], dates: list[dt.date], first: dt.date | None,
     last: dt.date | None,
 ) -> str:  # fmt: skip
-    """Why no day can be used: none in the given dates, or each failed."""
+    """Return why no day can be used: none in the given dates, or each failed."""
     if not any(date for date, _ in failed) and dates:
         return (
             f"no day from {first or 'the first'} to {last or 'the last'}: "

@@ -1,7 +1,7 @@
-"""From scores to a verdict: probabilities of the explanations, and what they change in the error.
+"""Probabilities of the explanations from their scores, material effects, and the names that follow.
 
-Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; and, until the exam has calibrated it, the exponent of the scores.
+Set by hand are the probability to name an effect alone, that of a group of names, and the least share of the
+squared error that counts; and, until the exam has calibrated it, the exponent of the scores.
 """
 
 from collections import Counter
@@ -24,33 +24,33 @@ from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
 ALONE = 0.95
-"""Probability from which one explanation is named alone."""
+"""Least probability at which an effect is named alone."""
 TOGETHER = 0.95
-"""Probability that the smallest group of names reaches together."""
+"""Least probability of the smallest group of names together."""
 MATERIAL = 0.10
-"""Least share of the squared error, at one horizon, that an effect removes to be named."""
+"""Least share of the squared error, at one horizon, that an effect must remove to be named."""
 TEMPER = 0.5
-"""Exponent of the scores, over their inflation. Over 93 development seasons of 30 to 120 days the log loss of
-names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2 an
-earlier search lost two of three stretches of the bypass of Glen Canyon."""
+"""Exponent of the scores, divided by their inflation. Over 93 development seasons of 30 to 120 days the log
+loss of names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2
+an earlier search lost two of three stretches of the bypass of Glen Canyon."""
 IMPROBABLE = 1e-3
-"""Chance below which events are not compared with those of noise, which lowers it: fifty of these together
-are the doubt that a name may have."""
+"""Probability below which events are not compared with those of noise, which only lowers it: together fifty
+such explanations have the probability 1 - :data:`ALONE`."""
 THIRD = 1.3
-"""Half the chi-square of one degree of freedom that 2.5 of 24 exceed: of the 24 effects of a pool, were none
-there, the third gains so much for each unit of variance. Of the 11 of a river it gains 0.8."""
+"""Half of the chi-square (one degree of freedom) that 2.5 of 24 variables exceed: the third largest gain per
+unit of variance of the 24 effects of a pool if none acts. For the 11 effects of a river it is 0.8."""
 HAIR = 1e-3
-"""Score by which twins that cannot be separated differ, so that the likelier one is named first [nats]."""
+"""Score difference of effects that cannot be separated, so that the likelier one is named first [nats]."""
 DOUBT = 0.05
-"""Chance at which the scatter of blocks is no longer an excuse."""
+"""Significance level of the tests that allow for the scatter between blocks."""
 DRAWS = 2000
-"""Of the bootstrap: a chance of 5 % to half a percent."""
+"""Bootstrap draws: they give a probability of 5 % to within 0.5 %."""
 SEASONS = 24
-"""Seasons drawn from a noise: their variance to 30 %."""
+"""Seasons simulated from a noise model: they give the variance to within 30 %."""
 
 
 def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
-    """Sums over the chosen days of each block; (..., days) to (..., blocks)."""
+    """Sum over the chosen days of each block: (..., days) to (..., blocks)."""
     label = np.unique(blocks[chosen], return_inverse=True)[1]
     out = np.zeros((*days.shape[:-1], int(label.max(initial=-1)) + 1))
     np.add.at(np.moveaxis(out, -1, 0), label, np.moveaxis(days[..., chosen], -1, 0))
@@ -63,16 +63,16 @@ def _density(one: Explanation) -> Floats:
 
 
 def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: bool = True) -> Floats:
-    """Probability of each explanation, shape (explanations,); `ended` where none will be extended any more.
+    """Return the probability of each explanation, shape (explanations,); `ended` if the search is over.
 
-    Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. The likeliest explanation with one effect, with
-    two and so on divide the gains over the best one by something unknown into steps, each divided by the
-    inflation of the explanation at its end: those before it have a scatter of their own. An explanation is on
-    the same scale as these whatever it extends: of two that predict equally well neither gains more. An
-    unknown has no inflation, for there the scatter is what is unknown: what predicts worse than it is
-    compared with it as it is. What the response has wrong in the same way on all days does not scatter:
-    :func:`_gains_of_misfit` measures it.
+    If a response has the same error for days, scores scatter more than under the noise model: with c times
+    the variance, gains by chance are c times as large. The likeliest explanations with one effect, two
+    effects and so on divide the gains over the best unknown cause into steps. Each step is divided by the
+    inflation of the explanation at its end, since earlier ones have their own scatter. Every explanation is
+    put on this scale, whatever it extends: two with equal scores keep equal scores. Unknown causes have no
+    inflation, since they model this scatter; explanations that score below the best unknown cause keep their
+    scores. An error of the response that is the same on all days does not scatter: :func:`_gains_of_misfit`
+    measures it.
     """
     scores = np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
     total = scores.sum(axis=1).tolist()
@@ -81,7 +81,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
     least = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
 
     def level(one: Explanation) -> int:
-        """Number of its effects; what is unknown beside some is a rival of one more, and counts as it."""
+        """Return the number of its effects; an unknown cause beside further effects counts as one more."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
     misfit = _gains_of_misfit(pool, total, ended)
@@ -101,14 +101,14 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
 
 
 def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended: bool) -> dict[int, float]:
-    """Variance of the gains of effects that are not there, by the number of effects of an explanation.
+    """Estimate the variance of gains of absent effects, by the number of effects of an explanation.
 
-    Beside all effects that act, others gain what the response misses along what they make. So what one more
-    gains beside the likeliest explanation of each number of effects, the third in size (two may act), is a
-    chi-square times this variance. With fewer effects some of those that act are missing: their variance is
-    the least of those with more. Beside the most effects none were tried yet: none is known, or, where the
-    search has `ended`, that beside one effect less. Neither what is easily mistaken for another nor a further
-    stretch of one is a further effect.
+    Beside all effects that act, another one gains where the response error resembles its column. Gains of one
+    more effect over the likeliest explanation of each number of effects are chi-square variables times this
+    variance. It follows from the third largest gain, as two effects may act. With fewer effects some that act
+    are missing: the least variance of the larger numbers is used. Beside the most effects none were tried
+    yet: no variance is known or, if the search has `ended`, that beside one effect less is used. Effects
+    confounded with a counted one and further stretches of the same effect are not counted.
     """
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
@@ -135,7 +135,7 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended:
 
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
-    """Share of the squared error of `other` that `one` removes, (horizons,), and bootstrap draws of it."""
+    """Return the share of the squared error of `other` removed by `one`, (horizons,), and bootstrap draws."""
     assert one.errors is not None and other.errors is not None
     with_, without = (block_sums(e.squares, chosen, blocks) for e in (one.errors, other.errors))
     count = with_.shape[1]
@@ -148,10 +148,10 @@ def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) ->
 
 
 def as_volume(one: Explanation, other: Explanation) -> Explanation:
-    """`one` with errors of the level as `other` would make them by the same volumes, where these are smaller.
+    """Scale level errors of `one` to the surface area of `other`, if this makes them smaller.
 
-    Where operators hold the level, the logged outflow answers what comes in: a response with too large a
-    surface then forecasts the level better than the true one.
+    If operators hold the level, the logged outflow follows the inflow: a response with too large a surface
+    area then forecasts the level better than the true one does.
     """
     area, its = one.noise.surface_area, other.noise.surface_area
     if area is None or its is None or area >= its or one.errors is None:
@@ -160,19 +160,19 @@ def as_volume(one: Explanation, other: Explanation) -> Explanation:
 
 
 def removes(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether an explanation removes :data:`MATERIAL` of another one's squared error at one horizon.
+    """Return whether an explanation removes :data:`MATERIAL` of another one's squared error at one horizon.
 
-    And more than nothing there in all but :data:`DOUBT` of the draws.
+    The removed share must also be positive in all but :data:`DOUBT` of the bootstrap draws.
     """
     share, draws = shares(one, other, chosen, blocks)
     return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
 
 def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether an error an hour or more ahead grows by :data:`MATERIAL` in all but :data:`DOUBT` of the draws.
+    """Return whether an error an hour or more ahead grows by :data:`MATERIAL` in nearly all draws.
 
-    By less it may: where operators answer the weather, a response that has bent to a missing effect forecasts
-    a day ahead better than the true one.
+    Nearly all: all but :data:`DOUBT`. A smaller growth is allowed: if operators react to the weather, a
+    response biased by a missing effect can forecast a day ahead better than the true one.
     """
     _, draws = shares(one, other, chosen, blocks)
     return bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
@@ -181,10 +181,10 @@ def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> 
 def is_material(
     one: Explanation, other: Explanation, chosen: Bools, blocks: Ints, same: Explanation | None = None
 ) -> bool:
-    """Whether an explanation removes enough of another one's error, and makes no horizon worse.
+    """Return whether an explanation removes enough of another one's error and makes no horizon worse.
 
-    What grows is judged beside `same` where that is given: another response may differ by its volumes alone.
-    A single block has no scatter: what grows there may be the weather of its days.
+    Increases are judged against `same`, if given, since another response may differ in its volumes only.
+    Increases in a single block are not judged: they may be due to the weather of its days.
     """
     several = len(np.unique(blocks[chosen])) > 1
     beside = other if same is None else same
@@ -193,18 +193,18 @@ def is_material(
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether an explanation with a name makes no forecast of an hour or more worse by a share that counts.
+    """Return whether an explanation with a name makes no forecast of an hour or more materially worse.
 
-    Likelier by a sample's detail it may be all the same: an effect that bends the response.
+    An effect that biases the response can do so and still be likelier, by details within a sample.
     """
     return not one.names or one is first or not grows(as_volume(one, first), first, chosen, blocks)
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter.
+    """Return whether days contradict an explanation: a lower score or a larger error, beyond the scatter.
 
-    The density and the errors an hour or more ahead are tests of their own: each has its part of the chance.
-    A few blocks have hardly a scatter, but a density: with it alone the explanation must not be improbable.
+    The score and each error an hour or more ahead are separate tests that share the significance level. As
+    few blocks have hardly a scatter, the explanation must also not be improbable by their score alone.
     """
     from scipy.stats import t
 
@@ -215,7 +215,7 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     if many < 2:  # one block has no scatter
         return False
     share, draws = shares(as_volume(one, other), other, chosen, blocks)
-    # The draws of few blocks scatter too little: by their number, and as Student's t has it.
+    # Draws of few blocks scatter too little: corrected by their number and by Student's t.
     tests = len(share)  # the density, and all horizons but the first
     wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
     unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
@@ -223,10 +223,10 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
 
 
 def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
-    """An explanation less what events of the other sign gain in what it leaves.
+    """Reduce the score of an explanation by the gain of events of the opposite sign in its residual.
 
-    A noise with heavy tails has events, too, but of both signs: rain does not take water away. What those of
-    the impossible sign gain is what its own events gain of the noise, and each pays its part of it.
+    Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
+    impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
     """
     seen, density = np.where(record.used, one.residual, np.nan), _density(one)
     follows = np.append(False, np.diff(record.day_number) == 1)
@@ -246,10 +246,10 @@ def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: In
 
 
 def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
-    """An explanation with dates that begin and end on those sealed days where this is likeliest.
+    """Return an explanation with effect dates that begin and end on the likeliest sealed days.
 
-    Open days do not show on which of the sealed days between two of them an effect begins or ends. The choice
-    costs these the logarithm of the number of days to choose from.
+    Open days do not show on which of the sealed days between two of them an effect begins or ends. The sealed
+    days' score is reduced by the logarithm of the number of candidate days.
     """
     for place, effect in enumerate(one.model.effects):
         for end in (0, 1) if effect.dates else ():
@@ -262,7 +262,7 @@ def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Ex
                 model = replace(one.model, effects=tuple(effects))
                 try:
                     left = residual_of(record, model.baseline(record)) - one.coded
-                except RividError:  # the reach cannot carry it
+                except RividError:  # the reach cannot carry the flows
                     continue
                 moved = replace(one, model=model, residual=left)
                 tried.append(scored(moved, record, blocks, tails_of(moved, record)))
@@ -274,7 +274,7 @@ def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Ex
 
 
 def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
-    """Rows on which an effect may begin (`end` 0) or end (1) while it acts on the same open days."""
+    """Return rows on which an effect may begin (`end` 0) or end (1) without a change on open days."""
     assert effect.dates is not None
     rows = np.flatnonzero(opened)
     inside = [k for k in rows.tolist() if effect.dates[0] <= record.dates[k] <= effect.dates[1]]
@@ -286,15 +286,15 @@ def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
 
 
 def _lacking(model: Model, effect: Effect) -> Model:
-    """A model without an effect."""
+    """Return a model without one of its effects."""
     kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if e is not effect]
     return replace(model, effects=tuple(e for e, _ in kept), free=tuple(names for _, names in kept))
 
 
 def errors_without(one: Explanation, effect: Effect, made: Floats, record: Record) -> DayErrors:
-    """Errors of forecasts if an explanation lacked an effect, which makes `made` (days, n) of the output.
+    """Compute forecast errors of an explanation without an effect that adds `made` (days, n) to the output.
 
-    Its squares are added. Where the effect lets errors of the level decay, as a leak does, they last
+    The squares of `made` are added. If the effect makes level errors decay, as a leak does, they persist
     without it.
     """
     assert one.errors is not None
@@ -308,10 +308,10 @@ def errors_without(one: Explanation, effect: Effect, made: Floats, record: Recor
 
 
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
-    """Output that an effect makes and nothing else in the explanation could, shape (days, n).
+    """Compute the part of an effect's output that no other parameter can reproduce, shape (days, n).
 
-    All other parameters are fitted to it, one Gauss-Newton step from where they are. None where it is no
-    effect of the simulator and no event, and where the reach cannot carry the flows without it.
+    All other parameters are fitted to the output by one Gauss-Newton step. Returns None if the effect is
+    neither in the simulator nor an event, or if the reach cannot carry the flows without it.
     """
     model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
     made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
@@ -337,16 +337,16 @@ def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | Non
 
 
 UNKNOWN = 0.5
-"""Probability of something unknown from which it is the verdict: more likely than all names together."""
+"""Least probability of an unknown cause at which it is the verdict: more probable than all names together."""
 
 
 Cores = dict[int, tuple[Explanation, tuple[tuple[str, ...], Unknown]]]
-"""Explanations, by identity, and what :meth:`Study.core` finds in them."""
+"""Results of :meth:`Study.core` by identity of the explanation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything a diagnosis found, for its report."""
+    """All explanations of a diagnosis, with their probabilities and the names that follow."""
 
     record: Record
     split: Split
@@ -358,17 +358,17 @@ class Study:
 
     @cached_property
     def opened(self) -> Bools:
-        """Days that fit and score, shape (days,)."""
+        """Days used to fit and score, shape (days,)."""
         return np.asarray(self.split.fit | self.split.select)
 
     @cached_property
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
-        """Explanations that count, the best of each kind, and their probabilities, most probable first."""
+        """The best explanation of each kind with its probability, most probable first."""
         pool = leading(self._counting, self.opened)
         paid, unpaid = list(pool), {i for i, one in enumerate(pool) if one.events}
         chances = ranked(paid, self.opened, self.split.block)
         while probable := {i for i in unpaid if chances[i] > IMPROBABLE}:
-            for i in probable:  # a search each
+            for i in probable:  # each needs a search
                 paid[i] = without_mirrored(paid[i], self.record, self.opened, self.split.block)
             unpaid -= probable
             chances = ranked(paid, self.opened, self.split.block)
@@ -378,11 +378,11 @@ class Study:
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     def _levelled(self, one: Explanation, lead: Explanation) -> Explanation:
-        """A twin of the lead a hair behind it, where what the equations miss may be what separates them.
+        """Return `one`, at the score of `lead` less :data:`HAIR` if response errors may separate the two.
 
-        It has a part along what separates two effects that are easily mistaken for each other, of the same
-        sign on all days: no scatter shows it. Unknown dynamics show how much it is, and so does the misfit
-        of fronts that an effect on timing leaves.
+        A response error can resemble the difference of two confounded effects with the same sign on all days,
+        so that no scatter reveals it. The score of unknown dynamics above that of `lead` shows its size, and
+        so does the front misfit that remains beside an effect on timing.
         """
         flexible = [self.score(o) for o in self.pool if o.unknown == "dynamics"]
         behind = self.score(lead) - self.score(one)
@@ -395,10 +395,10 @@ class Study:
         return replace(one, density=density, log_prior=prior, parent=lead.parent, inflation=lead.inflation)
 
     def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
-        """Whether an effect on timing, which `other` lacks, removes most of the misfit of fronts, not all.
+        """Return whether a timing effect that `other` lacks removes most of the front misfit, not all.
 
-        Most is half of its square, and what is left a share that counts: as a clock, ice on a river took
-        three quarters away.
+        Most is half of its square; the rest must be a material share. A clock offset fitted to ice on a river
+        removed three quarters.
         """
         differing = difference(other, lead)
         if differing is None or differing[1].family != "timing":
@@ -408,10 +408,10 @@ class Study:
         return MATERIAL * before < left <= 0.5 * before
 
     def _balances(self, one: Explanation, lead: Explanation) -> bool:
-        """Whether two explanations of a river differ by one shift of its balance each, as a rating may have.
+        """Return whether explanations of a river differ by one balance shift each, possibly of the rating.
 
-        The discharge is read from a rating, which may be off by any slow course of the stage: what a shift of
-        it by a constant and a share leaves is no evidence of water.
+        The discharge is read from a rating, which may be wrong by any slow function of the stage: the
+        residual of a shift by a constant and a share is no evidence of water.
         """
         differing = difference(one, lead)
         if self.record.kind != "river" or differing is None:
@@ -424,10 +424,10 @@ class Study:
 
     @cached_property
     def _counting(self) -> tuple[Explanation, ...]:
-        """All but unknown dynamics that do not simulate materially better than the best of the others.
+        """Explanations that compete: harmless ones, and unknown dynamics that simulate materially better.
 
-        A response with many coefficients is always likelier than equations, for what no equation holds of a
-        front: it stands for an unknown only where it takes a material share from the error.
+        A response with many coefficients is always likelier than equations, as none describes a front
+        exactly. It competes only if it removes a material share of the error of the best other explanation.
         """
         able = [one for one in self.pool if harmless(one, self.first, self.opened, self.split.block)]
         known = [one for one in able if one.unknown != "dynamics"]
@@ -439,9 +439,9 @@ class Study:
         return (*known, *(one for one in flexible if self._nearer(one, best)))
 
     def _nearer(self, one: Explanation, best: Explanation) -> bool:
-        """Whether unknown dynamics remove a share that counts at the nearest horizon.
+        """Return whether unknown dynamics remove a material share of the error at the nearest horizon.
 
-        Further ahead a flexible response reads what is unlogged from how the operators answer it.
+        At longer horizons a flexible response infers unlogged flow from the operators' reaction to it.
         """
         share, draws = shares(one, as_volume(best, one), self.opened, self.split.block)
         return bool(share[0] >= MATERIAL and np.quantile(draws[:, 0], DOUBT) > 0.0)
@@ -453,11 +453,11 @@ class Study:
 
     @cached_property
     def _cores(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
-        """Of each ranked explanation, by its identity: names that are material, and what is unknown."""
+        """Material names and unknown cause of each ranked explanation, by its identity."""
         return {id(one): self.core(one) for one, _ in self.ranking}
 
     def core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
-        """Names of an explanation that are material given those before them, and what is unknown if it is."""
+        """Return the names that are material given those before them, and the unknown cause if material."""
         if id(one) not in self.found:
             self.found[id(one)] = one, self._core(one)
         return self.found[id(one)][1]
@@ -473,14 +473,14 @@ class Study:
             beyond = self.beyond(parent, self.opened, MATERIAL)
             if beyond or self.large(one) or self._returns(one, parent):
                 return names, one.unknown
-        if parent.parent is None and not parent.unknown:  # of several responses, the best one
+        if parent.parent is None and not parent.unknown:  # compare with the best response
             parent = self.first
         if one.added is None:
             active = np.ones(len(self.opened), bool)
             return names, one.unknown if self._material(one, parent, active) else unknown
         if self._adds(one, one.added, parent):
             names = (*names, one.added.name)
-        # An effect may count only beside the others, which bent the response while they were missing.
+        # An effect may be material only beside the others: without them the response was biased.
         for effect in one.effects:
             known = effect.name in ("", *names) or effect is one.added or effect in self.start
             if not known and not effect.found_as and self._adds(one, effect, self._less(one, effect)):
@@ -488,21 +488,21 @@ class Study:
         return names, unknown
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:
-        """The best explanation without an effect of `one`, by its other effects or some of them."""
+        """Return the best explanation without an effect of `one`, with all or some of its other effects."""
         others = Counter(one.names) - Counter([effect.name])
         able = (o for o in self.pool if Counter(o.names) <= others and o.unknown in ("", one.unknown))
         return max(able, key=self.score, default=self.first)
 
     def _adds(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
-        """Whether an effect of an explanation is material, beside one without it."""
+        """Return whether an effect of an explanation is material compared with one without it."""
         if effect.found_as == "swing":
             return self._swings(effect)
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
-        if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
+        if made is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
             return False
         if made is not None and one.errors is not None:
-            # The errors of a run without it may be less all the same: operators answer what the weather
-            # does, and the logged outflow foretells the level.
+            # Errors of a run without it may still be smaller: operators react to the weather, so that the
+            # logged outflow predicts the level.
             left = errors_without(one, effect, made, self.record)
             if not self._material(one, replace(one, errors=left), active):
                 return False
@@ -511,7 +511,7 @@ class Study:
         return self._material(one, less, active, max(own, key=self.score, default=less))
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether an unknown flow that returns, pulses or waves make a share of the error that counts."""
+        """Return whether an added unknown flow, event or swing makes a material share of the error."""
         before, now = ([e for e in o.effects if not e.name] for o in (parent, one))
         if len(now) == len(before):
             return False
@@ -520,19 +520,19 @@ class Study:
         return self._material(one, parent, one.active(self.record, now[-1]))
 
     def _swings(self, effect: Effect) -> bool:
-        """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
+        """Return whether a seiche's variance is a material share of the least squared error at a horizon.
 
-        What it extends may forecast worse than needed: the filter takes the swing for weather.
+        The least of all explanations is used: the filter of the extended one may fit the swing as weather.
         """
         amplitude = float(getattr(effect, "amplitude"))  # noqa: B009 - every seiche has one
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
-        """Whether a share of the squared error on some days is beyond that of seasons drawn from its noise.
+        """Return whether the squared error on `days` exceeds that of its noise by the share `least`.
 
-        Their sums of squares scatter as a gamma variable with the same mean and variance; each horizon is a
-        test of its own, with its part of the chance.
+        Sums of squares of seasons simulated from the noise are treated as a gamma variable. Each horizon is a
+        separate test; the tests share the significance level.
         """
         from scipy.stats import gamma
 
@@ -546,7 +546,7 @@ class Study:
         return bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / len(seen))).any())
 
     def large(self, one: Explanation) -> bool:
-        """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
+        """Return whether the unknown cause makes a material share of the error of simulated days."""
         noise, flow = one.noise, abs(one.model.flow)
         plain = replace(noise, level_sd=min(noise.level_sd, one.model.gauge_floor))
         if self.record.kind == "river":
@@ -560,13 +560,13 @@ class Study:
         return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
     def _drawn(self, one: Explanation, noise: NoiseModel, rng: np.random.Generator) -> DayErrors:
-        """Errors of an explanation's forecasts of days that are drawn from a noise."""
+        """Compute forecast errors of an explanation for days simulated from a noise model."""
         record = self.record
         drawn = noise.simulate(record.days, record.time.shape[1], rng, record.activity)
         return day_errors(record, np.where(np.isfinite(one.residual), drawn, np.nan), one.noise, HORIZONS)
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
-        """Probability of the explanations with material names, and an unknown, that `holds` accepts."""
+        """Return the probability of explanations with material names and unknown that `holds` accepts."""
         total = 0.0
         for one, p in self.ranking:
             if holds(*self._cores[id(one)]):
@@ -574,29 +574,29 @@ class Study:
         return min(total, 1.0)
 
     def chance_of(self, name: str, times: int = 1) -> float:
-        """Probability that so many effects of a name act and are material."""
+        """Return the probability that at least `times` effects of a name act and are material."""
         return self.chance(lambda names, _: names.count(name) >= times)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """All names of material effects, the most probable first."""
+        """Names of all material effects, the most probable first."""
         found = {name for names, _ in self._cores.values() for name in names}
         return tuple(sorted(found, key=lambda name: -self.chance_of(name)))
 
     @property
     def unfit(self) -> bool:
-        """Whether fronts are off by all that is plausible in the most probable explanation.
+        """Whether the front misfit of the most probable explanation is at its plausible limit.
 
-        Then no response describes the reach, as with a wrong geometry, and effects stand in for it.
+        Then no response describes the reach, as with a wrong geometry, and effects compensate for it.
         """
         lead = self.ranking[0][0]
         return not lead.unknown and lead.noise.misfit > 0.99 * MISFIT
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Names that are probable enough alone; none where no response describes the reach.
+        """Names that are probable enough alone; empty if no response describes the reach.
 
-        Again for each further stretch of the same effect that is more probable than not: no further name.
+        A name is repeated for each further stretch of its effect that is more probable than not.
         """
         if self.unfit:
             return ()
@@ -606,7 +606,7 @@ class Study:
 
     @cached_property
     def group(self) -> tuple[str, ...]:
-        """The fewest names that are probable enough together; empty where all names are not."""
+        """The fewest names that are probable enough together; empty if all names together are not."""
         found: list[str] = []
         for name in () if self.unfit else self.names:
             found.append(name)
@@ -616,9 +616,9 @@ class Study:
 
     @cached_property
     def last(self) -> Explanation:
-        """The most probable explanation with the names that are sure, or else with the first of the group.
+        """The most probable explanation with the sure names or, without any, the first name of the group.
 
-        Its dates end on sealed days where these are likeliest; see :func:`aligned`.
+        Its dates end on the likeliest sealed days; see :func:`aligned`.
         """
         wanted = Counter(self.sure or self.group[:1])
         if not wanted:
@@ -632,7 +632,7 @@ class Study:
 
     @cached_property
     def steps(self) -> tuple[Explanation, ...]:
-        """The way from the first to the last explanation, an effect at a time; without the first."""
+        """Explanations from the first (excluded) to the last, each with one more effect."""
         way, one = [], self.last
         while one.parent is not None:
             way.append(one)
@@ -641,15 +641,15 @@ class Study:
 
     @cached_property
     def unknown(self) -> float:
-        """Probability that something unknown is missing."""
+        """Probability of an unknown cause."""
         return self.chance(lambda _, unknown: bool(unknown))
 
     def score(self, one: Explanation) -> float:
-        """Log density of the open days, each predicted without its block [nats]."""
+        """Return the log density of the open days, each predicted by the fit without its block [nats]."""
         return float(_density(one)[self.opened].sum())
 
     def p_value(self, one: Explanation) -> float:
-        """p of an explanation's gain over what it extends, by Student's t over blocks."""
+        """Return the p-value of an explanation's gain over its parent, by Student's t over blocks."""
         from scipy.stats import t
 
         assert one.parent is not None
@@ -666,7 +666,7 @@ class Study:
 
 
 def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | None:
-    """The effect of each of two explanations that the other one lacks, where it is one of each."""
+    """Return the effect of each of two explanations that the other lacks, or None if it is not one each."""
     only = {effect.name: effect for effect in one.effects if effect.name not in ("", *other.names)}
     its = {effect.name: effect for effect in other.effects if effect.name not in ("", *one.names)}
     if len(only) != 1 or len(its) != 1:
@@ -675,7 +675,7 @@ def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | 
 
 
 def alike(one: Explanation, other: Explanation) -> bool:
-    """Whether two explanations differ by one effect each, of which one is confounded with the other."""
+    """Return whether two explanations differ by one effect each and these are confounded."""
     found = difference(one, other)
     return found is not None and (
         found[1].name in found[0].confounded_with or found[0].name in found[1].confounded_with
@@ -683,7 +683,7 @@ def alike(one: Explanation, other: Explanation) -> bool:
 
 
 def _within_limits(effect: Effect) -> bool:
-    """Whether all parameters of an effect are within their limits, and none at one."""
+    """Return whether all parameters of an effect are strictly within their limits."""
     return all(
         spec.low < float(np.min(getattr(effect, key))) <= float(np.max(getattr(effect, key))) < spec.high
         for key, spec in effect.parameters().items()
@@ -691,7 +691,7 @@ def _within_limits(effect: Effect) -> bool:
 
 
 def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
-    """The best explanation of each kind: of the same names and the same unknown."""
+    """Return the best explanation of each kind, which is a set of names and an unknown cause."""
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for one in pool:
         key = tuple(sorted(one.names)), one.unknown

@@ -1,22 +1,21 @@
-"""Events that the model lacks: rain, locks and releases found one by one in the residual; jumps and noises.
+"""Events that the model lacks: rain, locks and releases found one by one in the residual; gauge jumps.
 
-All events of a kind have one duration, or one recession, from a grid; each has its own start and size. An
-event must gain its price, some 12 nats: about the logarithm of the number of starts, sizes and durations it
-could have had, so that noise alone gives none. Events under way at midnight are carried into the next day.
-Then the duration is refined between the values of the grid, starts are moved between the samples, and pulses
-may have two durations, or one each.
+All events of a kind have the same duration, or recession, from a grid; each has its own start and size. An
+event must gain its price, some 12 nats: about the logarithm of the number of possible starts, sizes and
+durations, so that noise alone gives no events. Events under way at midnight are carried into the next day.
+Then the duration is refined between the values of the grid, starts are moved between samples, and pulses may
+have two durations, or one each.
 
 The response of the output to a unit step of flow that starts at sample s is h_{t-s}. Whitening W is linear,
-so one whitened step for each start gives every atom without whitening again:
+so that all atoms follow from one whitened step for each start:
 
     pulse of D samples:  W p_s = W h_s - W h_{s+D},
     recession:           W e_s = q (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession),
 
 q the mean of the recession over its first sample. Starts before the row are events under way. The same search
-finds the jumps of a gauge, up and down: their atom is the whitened step itself. As the level of each row's
-start is unknown, a jump shows in its own row only. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993)
-takes the atom of largest gain, fits all amplitudes again, and continues until the next gain is below the
-price.
+finds the jumps of a gauge, up and down: their atom is the whitened step itself. As the level at each row's
+start is unknown, a jump appears in its own row only. Matching pursuit (Pati, Rezaiifar and Krishnaprasad
+1993) adds the atom of largest gain, refits all sizes, and continues until the next gain is below the price.
 """
 
 from collections import Counter
@@ -36,23 +35,23 @@ from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
 Shape = Literal["pulse", "recession", "jump"]
 Whiten = Callable[[Floats, Floats], Floats]
-"""Columns (..., days, n) and a row each that is NaN where a sample is missing, to whitened columns."""
+"""Whitens columns (..., days, n); its second argument (days, n) is NaN at missing samples."""
 
 VISIBLE = 0.05
-"""Atoms with less than this share of the largest norm are left out: the row hardly shows them."""
+"""Atoms with a norm below this share of the largest one are left out: the row hardly contains them."""
 
 LASTS = 2.5
-"""Recessions over which rain is carried from day to day; after them 8 % of its peak flow is left."""
+"""Recession times for which rain is carried from day to day; 8 % of its peak flow is then left."""
 
 APART = 2.0
-"""Samples between the starts of two events, at least: one starts between two samples."""
+"""Least distance between the starts of two events [samples]: each starts between two samples."""
 
 PATTERNS = 2
-"""Patterns of missing samples with cached atoms, beside the usual pattern, which most days have."""
+"""Patterns of missing samples with cached atoms, in addition to the most frequent pattern."""
 
 
 def extended(kernel: Floats, length: int) -> Floats:
-    """A step response (m,) of some length, going on as it ended: a pool rises, a river stays."""
+    """Return a step response (m,) of `length`, extrapolated linearly: a pool rises, a river is constant."""
     if len(kernel) >= length:
         return np.asarray(kernel[:length])
     slope = kernel[-1] - kernel[-2]
@@ -61,7 +60,7 @@ def extended(kernel: Floats, length: int) -> Floats:
 
 
 def response(kernel: Floats, shape: Shape, samples: float, length: int, rise: int = 0) -> Floats:
-    """Response (length,) of the output to a unit event that starts at 0; of some samples, unless a jump."""
+    """Return the response (length,) to a unit event that starts at 0 and, unless a jump, lasts `samples`."""
     h = extended(kernel, length)
     if shape == "pulse":
         return np.subtract(h, at_lags(h, np.arange(length, dtype=float) - samples))
@@ -71,40 +70,40 @@ def response(kernel: Floats, shape: Shape, samples: float, length: int, rise: in
 
 
 def at_lags(h: Floats, lags: Floats) -> Floats:
-    """A response (m,) some samples after a start between samples: flows are means over samples."""
+    """Interpolate a response (m,) at lags after a start between samples: flows are means over samples."""
     return np.asarray(np.interp(lags, np.arange(-1.0, len(h)), np.append(0.0, h)))
 
 
 PRICE = 12.0
-"""Of an event [nats]."""
+"""Price of an event [nats]."""
 
 MOST = 40
-"""New events of a day at most; each pays its price, this only bounds the memory."""
+"""Maximum number of new events of a day: as each has a price, this only limits the memory."""
 
 PULSES = (112.5, 225.0, 450.0, 900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
-"""Durations of a pulse [s]; those of less than :data:`SHORTEST` are that."""
+"""Durations of a pulse [s]; durations below :data:`SHORTEST` are replaced by it."""
 
 SHORTEST = 2.0
-"""Shortest pulse [samples]: the volume of a shorter one shows, its duration does not."""
+"""Shortest pulse [samples]: of a shorter one only the volume is identifiable, not the duration."""
 
 RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
-"""Recessions of rain [s]."""
+"""Recession times of rain [s]."""
 
 RISES = (0.0, 1800.0, 3600.0, 7200.0, 14400.0)
-"""Rises of rain [s]."""
+"""Rise times of rain [s]."""
 
 GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSIONS, "jump": (1.0,)}
-"""Usual grid of each shape; that of jumps, which have no duration, has one value without meaning."""
+"""Default grid of each shape; that of jumps, which have no duration, has one value without meaning."""
 
 EDGE = 20
-"""Readings between a jump and its return: with fewer they are a spike."""
+"""Least number of readings between a jump and its return: with fewer they are a spike."""
 FEWEST_READINGS = 2
-"""Readings of a row before and after a jump, which separate it from a single bad one at the row's end. With
-four a jump of 0.32 m, 24 minutes after midnight in a season of 582 s, was not sought, and three effects stood
-for it."""
+"""Readings of a row before and after a jump, to separate it from a single bad reading at the row's end. With
+four a jump of 0.32 m, 24 minutes after midnight in a season of 582 s, was not tested, and three effects
+compensated for it."""
 
 LARGEST_JUMP = 1.0
-"""A gauge set anew or knocked [m]: with a flat prior to here, 1 nat more for 2.7 times."""
+"""Limit of the flat prior of a jump, of a gauge reset or hit [m]; 2.7 times as much costs 1 nat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +112,10 @@ class Kind:
 
     name: str
     shape: Shape  # a constant flow for some time, a rise that recedes exponentially, or a jump
-    # Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it. 0 is
-    # either.
+    # Sign of its size: -1 for a release at the downstream dam, 1 for rain and upstream releases, 0 for any.
     sign: int
-    # (m,) Change of the output to a unit step of added flow at its place, by samples since the step [m per
-    # m3/s], or of a river reach [-]; of a jump, ones.
+    # (m,) Response of the output to a unit step of added flow at its place, by samples since the step [m per
+    # m3/s], for a river reach [-]; ones for a jump.
     kernel: Floats
     grid: tuple[float, ...] = ()  # durations or recessions [s]
 
@@ -135,7 +133,7 @@ class Kind:
             object.__setattr__(self, "grid", GRIDS[self.shape])
 
     def samples(self, sample_time: float) -> tuple[float, ...]:
-        """The grid [samples], none twice."""
+        """Return the grid [samples] without duplicates."""
         least = SHORTEST if self.shape == "pulse" else 1.0
         return tuple(dict.fromkeys(max(x / sample_time, least) for x in self.grid))
 
@@ -145,14 +143,13 @@ class Event:
     """One event."""
 
     day: int  # row in which it begins, or is under way at the beginning
-    # Start after the day's midnight [s]; negative where it is under way before. A jump lies half-way between
-    # two samples.
+    # Start after the day's midnight [s]; negative if before it. A jump lies half-way between two samples.
     start_s: float
     duration_s: float  # duration of a pulse, or recession [s]
-    size: float  # flow, of a recession at its peak [m3/s], or jump [m]; and its standard error
+    size: float  # flow (peak of a recession) [m3/s] or jump [m], and its standard error
     size_se: float
-    gain: float  # log-likelihood that is lost without it, the rest fitted again [nats]
-    under_way: bool  # whether it began before the first sample of the row: the start is a guess then
+    gain: float  # log-likelihood lost without it, the others refitted [nats]
+    under_way: bool  # whether it began before the row's first sample: its start is uncertain
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,40 +157,40 @@ class Events:
     """The events of one kind."""
 
     kind: Kind
-    duration_s: float  # the duration or recession with the largest gain [s]
+    duration_s: float  # median duration of the events, or their recession [s]
     events: tuple[Event, ...]  # by day and start
-    coded: Floats  # (days, n): their response, as it is in the residual
-    gain: float  # log-likelihood gained on all days, prices paid [nats]
+    coded: Floats  # (days, n): their contribution to the residual
+    gain: float  # log-likelihood gained on all days minus prices [nats]
     price: float  # of each event [nats]
     rise_s: float = 0.0  # of a recession [s]
 
 
 class Form(NamedTuple):
-    """What all events of a search have in common [samples]."""
+    """Properties that all events of a search share [samples]."""
 
-    durations: tuple[float, ...]  # those that an event may have, or one recession
+    durations: tuple[float, ...]  # possible durations, or one recession
     rise: int = 0  # of a recession
-    ends: bool = False  # whether each pulse may end at a time of its own
+    ends: bool = False  # whether each pulse may have its own end time
 
 
 @dataclass(eq=False)
 class _Pattern:
-    """Whitened steps of one pattern of missing samples, and what is made of them."""
+    """Whitened steps of one pattern of missing samples, and cached results."""
 
     W: Floats  # (S, n)
-    readings: Ints  # (S,): from each start on
+    readings: Ints  # (S,): number from each start on
     steps: dict[Form, Steps] = field(default_factory=dict)
     units: dict[float, Floats] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
 class _Found:
-    """Events of one form, row after row; an event is row, start in it, duration, size, variance and gain."""
+    """Events of one form, row by row; an event is row, start in it, duration, size, variance and gain."""
 
     form: Form
     events: list[list[float]] = field(default_factory=list)
-    seen: list[tuple[int, float, int]] = field(default_factory=list)  # row, start in it, and which event
-    under_way: list[tuple[float, int]] = field(default_factory=list)  # of the last row
+    seen: list[tuple[int, float, int]] = field(default_factory=list)  # row, start in it, index of the event
+    under_way: list[tuple[float, int]] = field(default_factory=list)  # start in the last row, and index
     gain: float = 0.0
     last: int = -1  # row
 
@@ -227,7 +224,7 @@ class Rows:
         self.price = self._price()
 
     def search(self, forms: Sequence[Form], rows: Sequence[int], timed: int = 0) -> list[_Found]:
-        """Events of each form in some rows, in order; `timed` as of :func:`pursue`."""
+        """Find the events of each form in some rows, in order; `timed` as of :func:`pursue`."""
         every = [_Found(form) for form in forms]
         for d in rows:
             if self.there[d].any():
@@ -239,7 +236,7 @@ class Rows:
         return every
 
     def _row(self, d: int, found: _Found, pattern: _Pattern, timed: int) -> None:
-        """Events of one form in row d; those of the row before that go on are measured again."""
+        """Find the events of one form in row d; those of the row before that continue are estimated again."""
         shape, form = self.kind.shape, found.form
         steps, unit = self.atoms(pattern, form)
         n, before, pulse = self.white.shape[1], steps.before, shape == "pulse"
@@ -268,11 +265,11 @@ class Rows:
             wrong = [e[0] for e, its in zip(early, there, strict=True) if its < 0.0]
             if not wrong:
                 break
-            # The day before contradicts starts so early; one at midnight contradicts nothing there.
+            # The day before contradicts such early starts, but not one at midnight.
             middle = int(np.ceil(0.5 * (max(wrong) + before + self.lead)))
             low = np.maximum(low, max(middle, int(low.min()) + 1))
         for (_, i), event in zip(old, events, strict=False):
-            # The estimate of both days: the first one's size and standard error are the second one's prior.
+            # Estimate of both days: size and standard error of the first are the prior of the second.
             found.events[i][3:] = event[2:].tolist()
         found.seen += [(d, x, i) for x, i in old]
         found.under_way = list(old)
@@ -282,12 +279,12 @@ class Rows:
             found.seen.append((d, x, i))
             found.under_way.append((x, i))
             if goes_on and 0.0 <= x + day < n:
-                found.seen.append((d - 1, x + day, i))  # too late in its own day to be measured there
+                found.seen.append((d - 1, x + day, i))  # too late in that row to be found there
         found.gain += best
         found.last = d
 
     def _gain(self, found: _Found, d: int, x: float, event: Sequence[float]) -> float:
-        """Log-likelihood that one more event gains in row d, beside those found there [nats]."""
+        """Return the log-likelihood that one more event gains in row d, beside those found there [nats]."""
         held = [(at, *found.events[i][2:4]) for row, at, i in found.seen if row == d]
         made = np.zeros((2, 1, self.white.shape[1]))
         h = self._kernel(found.form)
@@ -299,19 +296,19 @@ class Rows:
         return float(more @ (self.white[d] - before - 0.5 * more))
 
     def _kernel(self, form: Form) -> Floats:
-        """Response to an event of a form that does not end."""
+        """Return the response to an event of a form that does not end."""
         kind, length = self.kind, 2 * self.white.shape[1] + self.before
         if kind.shape == "recession":
             return response(kind.kernel, kind.shape, form.durations[0], length, form.rise)
         return extended(kind.kernel, length)
 
     def _made(self, h: Floats, x: float, samples: float, size: float) -> Floats:
-        """What an event makes in a row (n,) in which it starts at x; `h` of :meth:`_kernel`."""
+        """Return the output of an event in a row (n,) that starts at x; `h` from :meth:`_kernel`."""
         lags = np.arange(float(self.white.shape[1])) - x
         return size * (at_lags(h, lags) - (at_lags(h, lags - samples) if np.isfinite(samples) else 0.0))
 
     def as_events(self, found: _Found) -> Events:
-        """The events in seconds, and what they are in the residual."""
+        """Convert the events to seconds, and compute their contribution to the residual."""
         kind, form, T = self.kind, found.form, self.T
         jump = kind.shape == "jump"
         h, coded = self._kernel(form), np.zeros(self.white.shape)
@@ -329,7 +326,7 @@ class Rows:
         return Events(kind, usual, events, coded, found.gain, self.price, form.rise * T)
 
     def _before(self, samples: float) -> int:
-        """Starts before a row of events of so many samples."""
+        """Return the number of starts before a row for events that last `samples`."""
         if self.kind.shape == "jump":
             return 0
         return int(np.ceil(samples * (LASTS if self.kind.shape == "recession" else 1.0)))
@@ -346,7 +343,7 @@ class Rows:
         return self.patterns[key]
 
     def atoms(self, pattern: _Pattern, form: Form) -> tuple[Steps, Floats]:
-        """Steps of a form, and 1 over the norms of its atoms (durations, S), 0 where hardly visible."""
+        """Return steps of a form, and 1 over the norms of its atoms (durations, S), 0 if hardly visible."""
         shape, steps = self.kind.shape, pattern.steps
         key = form if shape == "recession" else Form(())
         if key not in steps:
@@ -356,10 +353,10 @@ class Rows:
                 steps[key] = steps_of(W, before)
             else:
                 usual = shape == "pulse" and pattern is self.patterns.get(self.usual)
-                steps[key] = steps_of(pattern.W, self.before, usual)  # every start is looked at, some day
+                steps[key] = steps_of(pattern.W, self.before, usual)  # every start is needed on some day
         made, units = steps[key], []
         for D in form.durations:
-            at = D + form.rise * 1e6  # of recessions, each has one
+            at = D + form.rise * 1e6  # a key; recessions have one duration each
             if at not in pattern.units:
                 root = np.sqrt(squares(made.W, made.before, D if shape == "pulse" else np.inf))
                 seen = root > VISIBLE * root.max(initial=0.0)
@@ -372,9 +369,9 @@ class Rows:
         return made, np.array(units)
 
     def _price(self) -> float:
-        """Price of an event [nats]; of a jump by Laplace's approximation to its evidence, with flat priors.
+        """Return the price of an event [nats]; for a jump by Laplace's approximation of the evidence.
 
-        The log evidence is the gain less the price, log(starts 2 LARGEST_JUMP / (sqrt(2 pi) se)).
+        With flat priors the log evidence is the gain minus log(starts 2 LARGEST_JUMP / (sqrt(2 pi) se)).
         """
         if self.kind.shape != "jump":
             return PRICE
@@ -402,7 +399,7 @@ def find_events(
     Parameters
     ----------
     residual : array_like, shape (days, n)
-        Measured less simulated output [m, or m3/s]; NaN where a sample is missing or does not count.
+        Measured minus simulated output [m, or m3/s]; NaN at missing or unused samples.
     whiten : callable
         `whiten(columns, like)` of a noise model; `like` (days, n) is NaN where samples are missing.
     kind : Kind
@@ -413,8 +410,8 @@ def find_events(
     follows : array_like of bool, shape (days,), optional
         Whether a row is the day after the one above it: events under way are carried over. Default: none.
     refine : bool
-        Whether the duration is refined between the values of the grid, starts are moved between the samples,
-        and pulses may have two durations, or one each, where that gains more than its price.
+        Whether the duration is refined between the values of the grid, starts are moved between samples, and
+        pulses may have two durations, or one each, if that gains more than its price.
     """
     rows = Rows(residual, whiten, kind, sample_time, lead, follows)
     every = range(len(rows.white))
@@ -426,26 +423,26 @@ def find_events(
 
 
 FEW_ROWS = 16
-"""Rows, those with most to explain, from which durations are chosen and refined."""
+"""Number of rows, those with the largest residuals, from which durations are chosen and refined."""
 
 PASSES, FINER = 2, 4
-"""Passes of the refinement of a duration, and steps between neighbours of the pass before: from a factor of 2
-to one of 1.04, within which the gain is flat."""
+"""Passes of the refinement of a duration, and steps between neighbours of the previous pass: from a factor of
+2 to one of 1.04, within which the gain is flat."""
 
 
 def _some(rows: Rows) -> list[int]:
-    """The rows with most to explain, in order."""
+    """Return the rows with the largest residuals, in order."""
     return sorted(np.argsort(-(rows.white**2).sum(1), kind="stable")[:FEW_ROWS].tolist())
 
 
 def _usual(rows: Rows) -> Form:
-    """The duration of the grid of largest gain."""
+    """Return the form with the duration of largest gain in the grid."""
     forms = [Form((x,)) for x in rows.kind.samples(rows.T)]
     return max(rows.search(forms, _some(rows)), key=lambda f: f.gain).form if len(forms) > 1 else forms[0]
 
 
 def _refined(rows: Rows) -> Form:
-    """The form of largest gain, first of the grid and then about it."""
+    """Return the form of largest gain, first on the grid and then between its values."""
     kind, grid, some = rows.kind, rows.kind.samples(rows.T), _some(rows)
 
     def best(forms: list[Form], timed: int = 0) -> _Found:
@@ -462,14 +459,14 @@ def _refined(rows: Rows) -> Form:
     two = best([Form((*now.form.durations, x)) for x in grid if x not in now.form.durations], timed=1)
     if two.gain > now.gain + rows.price:
         two = _finer(_finer(two, 0, grid, best), 1, grid, best)
-    # A wrong duration stands in for a start between two samples: what decides has the best starts.
+    # A wrong duration can compensate for a start between samples: forms are compared at their best starts.
     free = best([Form(grid, ends=True)], timed=1)
     paid = ((now.gain, now.form), (two.gain - rows.price, two.form), (free.gain, free.form))
     return max(paid)[1]
 
 
 def _finer(now: _Found, which: int, grid: Sequence[float], best: Callable[..., _Found]) -> _Found:
-    """The form with one of its durations between the values of a grid; starts between samples at last."""
+    """Refine one duration of a form between the values of a grid; the last pass refines starts as well."""
     ratio = max(b / a for a, b in zip(grid, grid[1:], strict=False)) if len(grid) > 1 else 2.0
     for turn in range(PASSES):
         ratio **= 1.0 / FINER
@@ -483,16 +480,16 @@ def _finer(now: _Found, which: int, grid: Sequence[float], best: Callable[..., _
 
 
 WITHIN = 1800.0
-"""Two starts are at the same hour if they are no further apart by the clock [s]."""
+"""Largest distance of two starts at the same hour of the day [s]."""
 ASTRAY = 2 * HOUR
-"""Natural events have their time of the day to no less than this: thunderstorms come in the afternoon."""
+"""Least scatter of natural events in their time of the day: thunderstorms come in the afternoon."""
 
 
 def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tuple[float, float]:
-    """Whether events start at the same hours of the day: p, and the share of starts at an hour of many.
+    """Test whether events start at the same hours of the day: p-value, and share of starts at frequent hours.
 
-    p is that of as many pairs of starts at the same hour, were each up to :data:`ASTRAY` off; 1 with events
-    of one day only. Events under way at the start of a row are left out.
+    The statistic is the number of pairs at the same hour; in the null distribution each start is up to
+    :data:`ASTRAY` off. p is 1 with events of one day only. Events under way at a row's start are left out.
     """
     counted = [e for e in events if not e.under_way]
     starts = np.array([e.start_s % DAY for e in counted])
@@ -514,7 +511,7 @@ def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tu
 
 
 def size_variation(events: Sequence[Event]) -> float:
-    """Coefficient of variation of sizes beyond their standard errors [-]; NaN for fewer than two events."""
+    """Return the coefficient of variation of sizes beyond standard errors [-]; NaN for fewer than two."""
     a = np.array([e.size for e in events])
     if len(a) < 2:
         return float("nan")
@@ -523,7 +520,7 @@ def size_variation(events: Sequence[Event]) -> float:
 
 
 def _agreeing(starts: Floats) -> Ints:
-    """Pairs of starts up to about :data:`WITHIN` apart by the clock, on a ring of bins; (draws, events)."""
+    """Count pairs of starts (draws, events) up to about :data:`WITHIN` apart by the clock, by cyclic bins."""
     ring = round(DAY / (WITHIN / 3.0))
     bins = np.minimum((starts * (ring / DAY)).astype(np.int64), ring - 1)
     cell = bins + ring * np.arange(len(starts))[:, None]
@@ -533,20 +530,22 @@ def _agreeing(starts: Floats) -> Ints:
 
 
 FEWEST = 3
-"""Events of a kind must be so many."""
+"""Fewest events of a kind."""
 ALIKE = 0.75
 """Largest coefficient of variation of the sizes of releases."""
 A_STORM = 3 * HOUR
-"""Events that follow each other within this are one storm."""
+"""Events that follow each other within this time are one storm [s]."""
 SCHEDULED = 0.002
-"""p of a timetable from which events are taken as operated, not natural."""
+"""p-value of a timetable at or below which events are operated, not natural."""
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
-"""Largest size over the median: of an event cut off by midnight only the start is observed."""
+"""Largest size over the median: for an event cut off by midnight only the start is observed."""
 
 
 def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
-    """Events of an effect: recessions along the reach, pulses at the lower dam, or jumps of the gauge; pulses
-    of an unknown flow along the reach."""
+    """Return the kind of an effect's events: jumps of the gauge, recessions or pulses.
+
+    Recessions and pulses of an unknown flow enter along the reach, other pulses at the lower dam.
+    """
     if effect.found_as == "jump":
         return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":
@@ -557,7 +556,7 @@ def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
 
 
 def _storms(events: Sequence[Event]) -> list[Event]:
-    """The first event of each storm: a slow rise is coded as several that follow each other."""
+    """Return the first event of each storm: a slow rise is coded as several consecutive events."""
     found: list[Event] = []
     last = -np.inf
     for event in sorted(events, key=lambda e: (e.day, e.start_s)):
@@ -569,7 +568,7 @@ def _storms(events: Sequence[Event]) -> list[Event]:
 
 
 def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
-    """The effect with its events, as hours since the first day's midnight."""
+    """Return the effect with its events; starts are hours since the first day's midnight."""
     number = record.day_number
     starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
     if effect.found_as == "jump":
@@ -586,7 +585,7 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
 
 
 def plausible(found: Events) -> bool:
-    """Whether events look like their kind: releases are alike, and rain follows no timetable."""
+    """Return whether events resemble their kind: releases have similar sizes, rain has no timetable."""
     if found.kind.shape == "jump":
         return bool(found.events)
     if len(found.events) < FEWEST:

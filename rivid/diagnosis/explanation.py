@@ -1,9 +1,8 @@
-"""An explanation of the logs: a response, effects and a noise, fitted together, and its score on held-out
-days.
+"""Explanation of the logs: response, effects and noise, fitted together, with a score on held-out days.
 
 The fit takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects; noise and
-day weights are refitted between steps. The score of a day is the log density of its samples, predicted by
-the fit without the day's block (:mod:`rivid.diagnosis.predictive`), less the price of its events.
+day weights are refitted between steps. The score of a day is the log density of its samples, predicted by the
+fit without the day's block (:mod:`rivid.diagnosis.predictive`), minus the price of its events.
 """
 
 import datetime as dt
@@ -36,39 +35,38 @@ class Explanation:
     model: Model
     unknown: Unknown
     log_prior: float  # of its names and windows [nats]
-    residual: Floats  # (days, n): measured less simulated and coded, NaN where nothing was measured
-    # (p, days, n) and (q, days, n): change of the simulated output for one unit of each free parameter of the
-    # response, which explanations share, and of the effects, in single precision; and prior standard
-    # deviations of all, (p + q,).
+    residual: Floats  # (days, n): measured minus simulated minus `coded`, NaN where nothing was measured
+    # Design matrix columns in single precision: change of the simulated output per unit of each free
+    # parameter of the response (p, days, n), shared by explanations, and of the effects (q, days, n).
     shared: Floats
     own: Floats
-    sd: Floats
-    weights: Floats  # (days,): of the fit; 0 on sealed days
-    # Effects that the simulator does not hold: events, coded day by day, and noises; with the events.
+    sd: Floats  # (p + q,): prior standard deviations of these parameters
+    weights: Floats  # (days,): of the days in the fit; 0 on sealed days
+    # Effects outside the simulator (events, coded day by day, and level noises), and the events.
     others: tuple[Effect, ...] = ()
     events: tuple[Events, ...] = ()
-    bonus: Floats | None = None  # (days,): log density that a noise outside the filter gains [nats]
-    inflation: float = 1.0  # variance of blocks' scores of what it adds, over that of the noise model
-    parent: "Explanation | None" = None  # what it extends by its last effect, or by something unknown
-    density: Floats | None = None  # (days,): log density of each day, predicted by the fit without its block
-    errors: DayErrors | None = None  # of forecasts by that fit, at HORIZONS
-    change: Floats | None = None  # (days, k): of the parameters, to the fit without the block of each day
-    standard_errors: Floats | None = None  # (k,): of the parameters, the scatter of blocks included
+    bonus: Floats | None = None  # (days,): gain of log density by a noise outside the filter [nats]
+    inflation: float = 1.0  # variance of block scores of the added effect over that of the noise model
+    parent: "Explanation | None" = None  # explanation that this one extends by an effect or unknown cause
+    density: Floats | None = None  # (days,): log density of each day by the fit without its block
+    errors: DayErrors | None = None  # of forecasts by the same fits, at HORIZONS
+    change: Floats | None = None  # (days, k): change of the parameters without the block of each day
+    standard_errors: Floats | None = None  # (k,): of the parameters, scatter between blocks included
 
     @property
     def noise(self) -> NoiseModel:
-        """The fitted noise."""
+        """Fitted noise model."""
         assert self.model.noise is not None
         return self.model.noise
 
     @property
     def columns(self) -> Floats:
-        """Change of the simulated output for one unit of each free parameter, shape (p + q, days, n)."""
+        """Change of the simulated output per unit of each free parameter, shape (p + q, days, n)."""
         return np.concatenate([self.shared, self.own])
 
     @property
     def predicted(self) -> Floats:
-        """Residual of each day by the fit without its block, shape (days, n)."""
+        """Residual of each day under the fit without its block, shape (days, n)."""
         assert self.change is not None
         left, p = self.residual, len(self.shared)
         for change, columns in ((self.change[:, :p], self.shared), (self.change[:, p:], self.own)):
@@ -77,13 +75,13 @@ class Explanation:
 
     @property
     def whole(self) -> Model:
-        """The model with the events in the simulator."""
+        """Model with the events as effects in the simulator."""
         events = tuple(e for e in self.others if e.found_as not in LEVEL_NOISES)
         model = self.model
         return replace(model, effects=(*model.effects, *events), free=(*model.free, *((),) * len(events)))
 
     def errors_of(self, index: int) -> dict[tuple[str, int | None], float]:
-        """Standard errors of the free numbers of an effect, by name and place in it."""
+        """Return standard errors of an effect's free values, by parameter and index in a tuple."""
         assert self.standard_errors is not None
         own = self.standard_errors[len(self.model.reach.parameters) :].tolist()
         slots = self.model.slots()
@@ -91,7 +89,7 @@ class Explanation:
 
     @property
     def added(self) -> Effect | None:
-        """The effect that it has more than its parent."""
+        """Effect that the explanation adds to its parent, or None."""
         before = (0, 0) if self.parent is None else self.parent.count
         if self.count[0] > before[0]:
             return self.model.effects[-1]
@@ -99,22 +97,22 @@ class Explanation:
 
     @property
     def count(self) -> tuple[int, int]:
-        """Effects in the simulator and outside it."""
+        """Number of named effects in the simulator and outside it."""
         inside, outside = (sum(bool(e.name) for e in some) for some in (self.model.effects, self.others))
         return inside, outside
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Its effects."""
+        """All effects, in the simulator and outside it."""
         return (*self.model.effects, *self.others)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its effects that have one."""
+        """Names of the effects that have one."""
         return tuple(effect.name for effect in self.effects if effect.name)
 
     def active(self, record: Record, effect: Effect) -> Bools:
-        """Days on which one of its effects acts, shape (days,)."""
+        """Return the days on which an effect of the explanation acts, shape (days,)."""
         if effect.found_as in LEVEL_NOISES:
             return np.ones(record.days, bool)
         coded = [e for e in self.others if e.found_as not in LEVEL_NOISES]
@@ -123,17 +121,17 @@ class Explanation:
                 return np.asarray(found.coded.any(axis=1))
         if effect.dates is None:
             return np.ones(record.days, bool)
-        last = effect.dates[1] + dt.timedelta(days=int(effect.set_right))  # the midnight shows what has grown
+        last = effect.dates[1] + dt.timedelta(days=int(effect.set_right))  # reset at the next midnight
         return np.array([effect.dates[0] <= day <= last for day in record.dates])
 
     @property
     def coded(self) -> Floats:
-        """Output of the events, shape (days, n)."""
+        """Sum of the output of all events, shape (days, n)."""
         return sum((found.coded for found in self.events), np.zeros(self.residual.shape))
 
     @property
     def price(self) -> Floats:
-        """Of the events that begin on each day, shape (days,) [nats]."""
+        """Price of the events that begin on each day, shape (days,) [nats]."""
         days = len(self.residual)
         price = np.zeros(days)
         for found in self.events:
@@ -142,15 +140,15 @@ class Explanation:
 
 
 STEPS = 60
-"""Most steps of a fit; few take as many."""
+"""Maximum number of steps of a fit; few fits need as many."""
 FRESH = 12
-"""How often the columns of a fit that others extend are computed anew. Where it ends before its optimum, an
-effect that leads it on gains what is not its own: with one computation and 20 steps nothing missing was 1,700
-nats below its optimum in an uneven channel, and a leak led the way to it. With two for the fits of names with
-their own response, a true leak got a second, false name in another."""
+"""Most recomputations of the columns of a fit that others extend. If it stops before its optimum, an effect
+that moves it on is credited with the rest of the gain. With one computation and 20 steps the fit without
+effects stopped 1,700 nats below its optimum in an uneven channel, and a leak gained these. With two, for fits
+of names with their own response, a true leak in another channel got a second, false name."""
 RELIABLE = 0.25
-"""Least part of its promise that a step keeps where the columns hold; below, a trust region shrinks (Nocedal
-and Wright, 2006, Algorithm 4.1)."""
+"""Smallest ratio of actual to predicted gain of a step at which the columns are still valid; a trust region
+shrinks below it (Nocedal and Wright, 2006, Algorithm 4.1)."""
 
 
 def fitted(
@@ -170,28 +168,30 @@ def fitted(
     enough: float = ENOUGH,
     rough: bool = False,
 ) -> Explanation:
-    """Fit a model, from where it is, and its noise to the open days (days,); raises where it carries none.
+    """Fit a model and its noise to the open days (days,), starting at the model's values.
+
+    Raises RividError if the reach cannot carry the flows.
 
     Parameters
     ----------
     start : Explanation, optional
-        A fit near by: its columns of the response's parameters and, for the first steps, its noise and
-        weights are used. By default columns are computed, and the noise fitted, at the start.
+        Fit of a similar model: its columns of the response's parameters and, for the first steps, its noise
+        and weights are used. By default columns are computed, and the noise fitted, at the start.
     parent : Explanation, optional
-        What this one extends.
+        Explanation that the result extends.
     inflation : float
-        Of what it adds; see :func:`rivid.diagnosis.search.inflation_of`.
+        Inflation of the added effect; see :func:`rivid.diagnosis.search.inflation_of`.
     others, events : tuple
-        Events and noises outside the simulator.
+        Effects outside the simulator, and their events.
     steps : int
-        Most steps.
+        Maximum number of steps.
     fresh : int
-        How often the columns are computed anew at most: after the first step, and where steps with those at
-        hand gain less than `enough` or :data:`RELIABLE` of what they promise.
+        Maximum number of recomputations of the columns: after the first step, and when a step gains less than
+        `enough` or :data:`RELIABLE` of its predicted gain.
     enough : float
-        A fit ends where new columns gain less [nats].
+        The fit ends when a step with new columns gains less [nats].
     rough : bool
-        Whether the noise at the end is the one near that of the last step.
+        Whether the final noise is fitted from that of the last step alone.
     """
     p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
@@ -217,7 +217,7 @@ def fitted(
         low, high = _room(model, sd)
         for turn in range(TRIES if stale else FRESH_TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
-            promised = float(g @ move - 0.5 * move @ G @ move)  # the gain, where the columns hold
+            promised = float(g @ move - 0.5 * move @ G @ move)  # predicted gain
             if promised < (LEAST_STEP if turn < TRIES else ENOUGH):
                 break
             try:
@@ -225,7 +225,7 @@ def fitted(
                 base_other = other.baseline(few)
                 z_other = residual_of(few, base_other) - coded[open_days]
                 w = noise.whiten(np.where(few.used, z_other, np.nan), activity=few.activity)
-            except RividError:  # an impossible flow: a shorter step
+            except RividError:  # the flow is impossible: a shorter step
                 damping = max(8.0 * damping, 1e-2)
                 continue
             off = (_values(other) - middle) / sd
@@ -268,7 +268,7 @@ def fitted(
 
 
 def _joined(open_days: Bools, opened: Floats, sealed: Floats, dtype: DTypeLike = float) -> Any:
-    """Arrays (..., days, n) of the open days and of the sealed ones, as one of all days."""
+    """Join arrays (..., days, n) of the open days and of the sealed ones in one of all days."""
     whole = np.empty((*opened.shape[:-2], len(open_days), opened.shape[-1]), dtype)
     whole[..., open_days, :], whole[..., ~open_days, :] = opened, sealed
     return whole
@@ -277,7 +277,7 @@ def _joined(open_days: Bools, opened: Floats, sealed: Floats, dtype: DTypeLike =
 def _information(
     noise: NoiseModel, seen: Floats, columns: Floats, record: Record
 ) -> tuple[Floats, Floats, Floats]:
-    """Information of each day, whitened some days at a time: unknown dynamics have a hundred columns."""
+    """Compute each day's information; days are whitened in groups, as unknown dynamics have 100 columns."""
     parts = []
     for days in np.array_split(np.arange(len(seen)), len(seen) // 16 + 1):
         z, activity = seen[days], None if record.activity is None else record.activity[days]
@@ -288,32 +288,32 @@ def _information(
 
 
 LEAST_STEP = 0.05
-"""Least gain of a step [nats]: without it the values are a third of a standard error away."""
+"""Smallest predicted gain of a step [nats]: a third of a standard error from the optimum."""
 FRESH_TRIES = 12
-"""Most tries of a step by fresh columns, the last with a damping of ten million: after :data:`TRIES` a fit
-ended where it began, 12,000 nats below its optimum, in a pool of which the waves return in step."""
+"""Maximum number of dampings tried in a step with new columns; the last is ten million. With :data:`TRIES` a
+fit stopped at its start, 12,000 nats below its optimum, in a pool where reflected waves return in phase."""
 LEAST_DAMPING = 1e-4
-"""Least damping of a step, in diagonals of the information; the first is tried with it: at ten times as much
-depth and banks, which data hardly separate, took 16 steps to where they now are after 3."""
+"""Smallest damping of a step, relative to the diagonal of the information; the first step uses it. With ten
+times as much, depth and banks, which data hardly separate, took 16 steps instead of 3."""
 FIXED = 2
-"""Steps with the noise of the start: far from the fit a new noise would take what the steps should."""
+"""Steps with the noise of `start`: far from the fit a refitted noise would absorb what the steps should."""
 
 
 def _values(model: Model) -> Floats:
-    """Values of all free parameters, of the response on their scale."""
+    """Return the values of all free parameters; those of the response are on their scale."""
     return np.concatenate([vector_of(model.reach), model.values()])
 
 
 def _moved(model: Model, move: Floats) -> Model:
-    """The model at other values of its free parameters, within their limits."""
+    """Return the model with its free parameters moved by `move`, within their limits."""
     p, there = len(model.reach.parameters), _values(model) + move
     return replace(model, reach=model.reach.with_parameters(there[:p])).with_values(there[p:])
 
 
 def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest step of each parameter, in prior standard deviations.
+    """Return the smallest and largest step of each parameter, in prior standard deviations.
 
-    All stay within their limits, those of the response within :data:`LONGEST` too; an hour has no limit.
+    Steps respect the limits of all parameters but hours, and :data:`LONGEST` for those of the response.
     """
     free, at = model.reach.parameters, _values(model)
     low, high = np.full(len(sd), -np.inf), np.full(len(sd), np.inf)
@@ -328,13 +328,13 @@ def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
 
 
 LONGEST = 2.0
-"""Longest step of a parameter of the response, in prior standard deviations: its columns hold near by."""
+"""Longest step of a response parameter, in prior standard deviations: its columns are valid locally."""
 
 
 def _secant(J: Floats, x: Floats, sd: Floats, change: Floats) -> Floats:
-    """Columns J (k, days, n) that agree with the change of the output by a step of x standard deviations.
+    """Update columns J (k, days, n) to the output change of a step of x prior standard deviations.
 
-    The least change of them that does: Broyden (1965).
+    It is the smallest such update: Broyden (1965).
     """
     missed = change - np.tensordot(x * sd, J, 1)
     return J + np.multiply.outer(x / (sd * max(float(x @ x), 1e-12)), missed)
@@ -343,40 +343,40 @@ def _secant(J: Floats, x: Floats, sd: Floats, change: Floats) -> Floats:
 def _noise(
     model: Model, record: Record, seen: Floats, weights: Floats | None, alone: bool
 ) -> tuple[NoiseModel, Floats]:
-    """Noise of a record's days, and their weights with it."""
+    """Fit the noise of a record's days, and weigh the days by it."""
     noise = model.fit_noise(seen, record, weights, alone)
     more = day_weights(noise.whiten(seen, activity=record.activity))
-    return noise, more if weights is None else np.sqrt(weights * more)  # in full they would go to and fro
+    return noise, more if weights is None else np.sqrt(weights * more)  # undamped they would oscillate
 
 
 TURNS, LASTS = 12, 30.0
-"""Turns of :func:`settled`, and samples that a misfit of the response lasts. In a pool that waves cross in
-1.5 samples fits from the nominal channel and six draws ended 340 nats or more below the truth; with 10
-samples one chain in two reached it, with 30 or 100 nearly all. Of ten such pools two remain more than 100
-nats below it after twelve turns; after eight the worst was 1,104 below, then 673."""
+"""Iterations of :func:`settled`, and samples for which a response error lasts. In a pool that waves cross in
+1.5 samples, fits from the nominal channel and six draws ended 340 nats or more below the true parameters.
+With 10 samples half of the chains reached these, with 30 or 100 nearly all. Of ten such pools two remain more
+than 100 nats below after twelve iterations; the worst was 1,104 below after eight, 673 after twelve."""
 
 
 def settled(model: Model, record: Record, number: int) -> Model:
-    """A model at the response to which its priors settle on all days of a record, to begin a fit there.
+    """Return a model with a response to start a fit from, by iterated linear regression on a record.
 
-    Waves to and fro make a posterior of many narrow maxima, in which steps along local columns end. Here the
-    columns are those of a linear regression of the output on the parameters, over draws from a normal
-    distribution: at first the prior, then the posterior by the regression, until it stays. What the
-    regression leaves, by its curvature and at its best, is the variance of the output; it lasts
-    :data:`LASTS` samples. So the distribution narrows as far only as the output is linear across it.
+    Reflected waves give the posterior many narrow maxima, where steps along local columns end. Here columns
+    are those of a linear regression of the output on the parameters, over draws from a normal distribution:
+    first the prior, then the posterior of the last regression, for :data:`TURNS` iterations. The residuals of
+    the regression, due to curvature and at its best fit, give the variance of the output, with a correlation
+    time of :data:`LASTS` samples. So the distribution narrows only as far as the output is linear across it.
 
     Parameters
     ----------
     model : Model
-        Only its response is changed; effects stay at their values.
+        Only its response is changed; effects keep their values.
     record : Record
     number : int
-        Starts the draws.
+        Seed of the draws.
 
     Returns
     -------
     Model
-        `model` itself where too few draws carry the flows for a regression.
+        `model` itself if too few draws can carry the flows for a regression.
 
     Notes
     -----
@@ -419,13 +419,13 @@ def settled(model: Model, record: Record, number: int) -> Model:
 
 
 BRIEF = 3
-"""Steps of a fit after which many are compared."""
+"""Steps of a fit before it is compared with many others."""
 FINALISTS = 3
-"""Fits that are not compared before they end, and values of an effect from which it is scanned."""
+"""Number of fits that run to convergence without a comparison, and of start values of an effect in a scan."""
 
 
 class Fit(NamedTuple):
-    """A fit to some days, its likelihood [nats a day] and the place of its model among those tried."""
+    """A fit to some days, its log-likelihood [nats per day] and the index of its model among those tried."""
 
     likely: float
     number: int
@@ -433,10 +433,10 @@ class Fit(NamedTuple):
 
 
 def best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
-    """Fits of models to all days of a record, the best one first.
+    """Fit models to all days of a record and return the fits, best first.
 
-    Of many the likeliest third after a few steps is fitted on, and of these again (successive halving:
-    Jamieson and Talwalkar 2016). Raises where none of them carries the flows.
+    Of more than :data:`FINALISTS`, the likeliest third after a few steps is continued, and so on (successive
+    halving: Jamieson and Talwalkar 2016). Raises RividError if no model can carry the flows.
     """
     if len(models) <= FINALISTS:
         return fits(models, record, fresh=fresh)
@@ -460,12 +460,12 @@ def fits(
     fresh: int = 0,
     steps: int = STEPS,
 ) -> list[Fit]:
-    """Fits of models that carry the flows to all days of a record, each from a fit near by, the best first.
+    """Fit each model that can carry the flows, from its `starts`, to all days; return the fits, best first.
 
-    Raises where none of them carries the flows.
+    Raises RividError if no model can carry the flows.
     """
     every = np.ones(record.days, bool)
-    near: list[NoiseModel | None] = [None]  # the noise of the first fit starts those of the others
+    near: list[NoiseModel | None] = [None]  # the noise of the first fit is the start for the others
 
     def fit(number: int) -> Fit | RividError:
         start, model = None if starts is None else starts[number], models[number]
@@ -487,16 +487,16 @@ def fits(
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
-    """The explanation with its score: density and errors of each day, predicted without its block.
+    """Score an explanation: log density and errors of each day, predicted by the fit without its block.
 
-    `blocks` (days,) are those of the days, `tails` the degrees of freedom of the days' common size.
+    `blocks` (days,) are those of the days, `tails` the degrees of freedom of the days' common scale.
     """
     noise = one.noise
     seen = np.where(record.used, one.residual, np.nan)
     r = noise.whiten(seen, activity=record.activity)
     found = _information(noise, seen, one.columns, record)
     low, high = _room(one.model, one.sd)
-    p, far = len(one.shared), 1.0 / WIDE  # columns of an effect hold no farther than its own size
+    p, far = len(one.shared), 1.0 / WIDE  # an effect's columns are valid up to its own size
     low[p:], high[p:] = np.maximum(low[p:], -far), np.minimum(high[p:], far)
     off = np.zeros(len(one.sd))
     off[:p] = vector_of(one.model.reach) - [f.mean for f in one.model.reach.parameters]
@@ -507,7 +507,7 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)
     one = replace(one, density=density, change=change, standard_errors=errors)
     if one.parent is not None and one.bonus is not None and one.parent.bonus is None:
-        return replace(one, errors=one.parent.errors)  # no filter here forecasts a swing
+        return replace(one, errors=one.parent.errors)  # the filter does not forecast a swing
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
 
 
@@ -516,7 +516,7 @@ TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)
 
 
 def tails_of(one: Explanation, record: Record) -> float:
-    """The degrees of freedom of greatest likelihood of the open days' common sizes."""
+    """Return the degrees of freedom of greatest likelihood for the common scales of the open days."""
     seen = np.where(record.used, one.residual, np.nan)
     r = one.noise.whiten(seen, activity=record.activity)
     chosen = (one.weights > 0.0) & (r != 0.0).any(axis=1)

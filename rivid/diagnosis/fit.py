@@ -1,17 +1,16 @@
-"""The model in the simulator and its fit, and the gap: the error of the simulation some hours ahead.
+"""Model in the simulator, limits of its noise, and the gap: the error of forecasts some hours ahead.
 
 Calibration takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects
-together; noise and day weights are refitted between steps, and a step is kept only if the cost falls.
+together; noise and day weights are refitted between steps. A step is accepted only if the cost falls.
 
-Near the fit, the residual of a model with further columns is
+Near the fit, the residual of a model with further effects is
 
     z' = z - J b - C c,
 
-J the response's parameters (with their priors), C the columns of a candidate. Noise and day weights are
-refitted with it, so that a candidate competes with an unknown inflow that shrinks as it explains more.
+J the columns of the response's parameters b (with priors), C those of a candidate. Noise and day weights are
+refitted too: the unknown inflow that a candidate competes with shrinks as it explains more.
 
-The error h hours ahead: at an origin the state of the noise is what the filter knows; from there the
-simulation runs on its own.
+A forecast of h hours starts from the filtered state of the noise at its origin and then runs free.
 """
 
 from dataclasses import dataclass, replace
@@ -31,40 +30,41 @@ from rivid.types import DAY, HOUR, Floats
 HOURS = (1.0, 4.0, 24.0)
 """Horizons of the gap [h]."""
 NEAR = 0.25
-"""A further horizon, of materiality: a slow gate is over after a quarter of an hour [h]."""
+"""Additional horizon for materiality [h]: the error of a slow gate is over within a quarter of an hour."""
 EVERY, START = HOUR, HOUR / 2.0
-"""Time between origins, and before the first one of a row for the filter to settle [s]."""
+"""Time between forecast origins, and time before the first one of a row for the filter to settle [s]."""
 
 
 NoiseKind = Literal["plain", "wind", "flow", "gauge"]
-"""Usual weather and gauge; the same with wind; an unknown flow of any size; an unknown gauge."""
+"""Noise of usual weather and gauge; with wind as well; an unknown flow of any size; an unknown gauge
+error."""
 WEATHER = 0.025
-"""Largest plausible unlogged inflow over the usual flow: weather makes 0.3 to 2 %."""
+"""Largest plausible unlogged inflow over the usual flow [-]: weather makes 0.3 to 2 %."""
 MEMORY = (HOUR / 2.0, DAY)
-"""Plausible memory of the weather [s]: hours."""
+"""Limits of the memory of the weather [s]."""
 METER = 0.005
-"""Largest plausible scatter of a logged flow over the usual flow."""
+"""Largest plausible standard deviation of a logged flow over the usual flow [-]."""
 RATING = 0.02
-"""Largest plausible white noise of a river's gauge over the usual flow: a few mm of level and the rating."""
+"""Largest plausible white noise of a river gauge over the usual flow: a few mm of level and the rating."""
 MISFIT = 0.3
-"""Largest plausible misfit: fronts that are early or late by as many samples."""
+"""Largest plausible misfit: fronts that are early or late by this number of samples."""
 GAUGE = 0.015
 """Largest plausible white noise of a gauge [m]."""
 WHITE, LASTING = 0.5, (0.1, 1.0)
-"""Least white part of a reading's rounding error, and limits of the part that lasts, over step / sqrt(12): a
-gauge in steps repeats its error until the level has gone a step on. With noise of half a step it is white."""
+"""Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
+reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
 WIND = (0.3 * HOUR, DAY)
-"""Memory of a wind set-up [s]."""
+"""Limits of the memory of a wind set-up [s]."""
 
 
 class DayErrors(NamedTuple):
-    """Squared errors, shape (horizons, days): their sum over a day's origins, and how many there are."""
+    """Sum of squared forecast errors and number of forecasts of each day, shape (horizons, days) each."""
 
     squares: Floats
     counts: Floats
 
     def rmse(self, days: ArrayLike | None = None) -> Floats:
-        """Root mean square error of each horizon over some days, shape (horizons,); NaN without origins."""
+        """Return the RMSE of each horizon over some days, shape (horizons,); NaN without forecasts."""
         chosen = slice(None) if days is None else np.asarray(days)
         counts = self.counts[:, chosen].sum(axis=1)
         squares = self.squares[:, chosen].sum(axis=1)
@@ -73,17 +73,17 @@ class DayErrors(NamedTuple):
 
 
 def residual_of(record: Record, baseline: Floats) -> Floats:
-    """Measured less simulated, NaN where nothing was measured; shape (days, n)."""
+    """Return measured minus simulated output, NaN where nothing was measured; shape (days, n)."""
     return np.where(np.isfinite(record.output), record.output - baseline, np.nan)
 
 
 def day_errors(
     record: Record, residual: Floats, noise: NoiseModel, hours: tuple[float, ...] = HOURS
 ) -> DayErrors:
-    """Errors of the simulation at each horizon [h], of targets that the record uses.
+    """Compute forecast errors at each horizon [h] for targets at used samples.
 
-    `residual` (days, n) is that of :func:`residual_of`; origins lie in the lead time too, so that a horizon
-    crosses midnight.
+    `residual` (days, n) is from :func:`residual_of`. Origins may lie in the lead time, so that forecasts
+    cross midnight.
     """
     days, n = residual.shape
     squares, counts = np.zeros((len(hours), days)), np.zeros((len(hours), days))
@@ -103,18 +103,18 @@ def day_errors(
 
 
 OFF, SOME = 0.01, 4
-"""Shift of the observed levels [m], and days, from which the fall of an error of the level is taken."""
+"""Shift of the observed level [m], and number of days, from which the decay of a level error is estimated."""
 WIDE = 10.0
-"""Prior standard deviation of an effect's parameter, in units of its value: nearly flat."""
+"""Prior standard deviation of an effect's parameter over its size (:meth:`Model.scales`): nearly flat."""
 ENOUGH = 1.0
-"""Steps end when the cost falls by less [nats]."""
+"""A fit ends when a step reduces the cost by less [nats]."""
 TRIES = 4
-"""Dampings tried in a step: from the least of 1e-4 to 0.6, where a step is a third of a Newton step."""
+"""Dampings tried in a step: from 1e-4 to 0.64, which is 61 % of a Newton step in uncorrelated parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A response with effects."""
+    """A response with effects and noise."""
 
     reach: Response
     noise: NoiseModel | None  # none before the first fit
@@ -122,13 +122,13 @@ class Model:
     flow: float
     gauge_floor: float  # lower limit of the gauge noise
     effects: tuple[Effect, ...] = ()
-    free: tuple[tuple[str, ...], ...] = ()  # fitted parameters of each
+    free: tuple[tuple[str, ...], ...] = ()  # fitted parameters of each effect
     noise_kind: NoiseKind = "plain"
 
     def fit_noise(
         self, residual: Floats, record: Record, weights: Floats | None, alone: bool = True
     ) -> NoiseModel:
-        """The noise of its kind for a residual (days, n); `alone` starts at the present one."""
+        """Fit noise of the model's kind to a residual (days, n); with `alone` from the present noise only."""
         level = self.noise_kind in ("wind", "gauge")
         white = 1.0 if self.reach.surface_area is None else WHITE
         return fit_noise(
@@ -138,9 +138,9 @@ class Model:
         )  # fmt: skip
 
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
-        """Limits of the noise: those of weather and a gauge as they are usual, but for what is unknown."""
+        """Return limits of the noise's fields: usual weather and gauge, except for what is unknown."""
         flow, T = max(abs(self.flow), 1e-9), record.sample_time
-        if self.reach.surface_area is None:  # all that is unlogged arrives as s
+        if self.reach.surface_area is None:  # s contains all unlogged flow
             known = {
                 "level_sd": (0.0, WEATHER * flow),
                 "level_memory": MEMORY,
@@ -152,7 +152,7 @@ class Model:
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
         if self.noise_kind in ("plain", "wind"):
             limits["misfit"] = (0.0, MISFIT)
-        if self.noise_kind != "gauge":  # what is unlogged lasts, however large it is
+        if self.noise_kind != "gauge":  # unlogged flow has a memory, however large it is
             limits["walk_sd"] = (0.0, METER * flow * T / self.reach.surface_area)
         if self.noise_kind in ("plain", "flow") and self.gauge_floor > 0.0:
             limits["level_sd"] = (LASTING[0] * self.gauge_floor, LASTING[1] * self.gauge_floor)
@@ -162,17 +162,17 @@ class Model:
         return limits
 
     def changes(self, record: Record, more: tuple[Effect, ...] = ()) -> Changes:
-        """What the effects change on a record."""
+        """Return the changes that the effects make on a record."""
         return changes_of((*self.effects, *more), record.world(self.level, self.flow))
 
     def baseline(self, record: Record, more: tuple[Effect, ...] = ()) -> Floats:
-        """Output about the observed course, with further effects; shape (days, n)."""
+        """Return the output about the observed output, with further effects; shape (days, n)."""
         return self.reach.baseline(record, self.changes(record, more))
 
     def recall(self, record: Record) -> float:
-        """Share of an error of the level that the effects leave after a sample; 1 for most.
+        """Return the share of a level error that remains after a sample with the effects; 1 for most effects.
 
-        From the baselines of some days about levels that are off by :data:`OFF`.
+        It is estimated from baselines of some days with the observed level shifted by :data:`OFF`.
         """
         changes = self.changes(record)
         follows = changes.leaks or changes.ponds or changes.area_slope or changes.gate.head.any()
@@ -186,15 +186,15 @@ class Model:
         except RividError:
             return 1.0
         steps = min(max(round(HOURS[1] * HOUR / record.sample_time), 1), few.time.shape[1] - 1)
-        fallen = float(np.median((plain - more)[:, steps])) / OFF  # the shift stays: by as much each sample
+        fallen = float(np.median((plain - more)[:, steps])) / OFF  # as the shift stays, the decay is linear
         return float(1.0 - min(max(fallen / steps, 0.0), 0.95))
 
     def values(self) -> Floats:
-        """The effects' free parameters, one after the other."""
+        """Return the free values of the effects, shape (q,)."""
         return np.array([value for _, _, value in self.slots()])
 
     def slots(self) -> list[tuple[int, tuple[str, int | None], float]]:
-        """The effects' free numbers: which effect, which parameter and place in it, and the value."""
+        """List the free values of the effects: index of the effect, (parameter, index in a tuple), value."""
         slots: list[tuple[int, tuple[str, int | None], float]] = []
         for i, (effect, names) in enumerate(zip(self.effects, self.free, strict=True)):
             for name in names:
@@ -206,7 +206,7 @@ class Model:
         return slots
 
     def scales(self) -> Floats:
-        """A usual size of each free number."""
+        """Return a usual size of each free value, shape (q,)."""
         sizes = []
         for i, (name, _), value in self.slots():
             usual = self.effects[i].defaults().get(name, 1.0)
@@ -215,7 +215,7 @@ class Model:
         return np.array(sizes)
 
     def with_values(self, values: Floats) -> "Model":
-        """The same with other values of the free numbers, held within the effects' limits."""
+        """Return the model with other free values, clipped to the effects' limits."""
         effects = list(self.effects)
         for (i, (name, k), _), value in zip(self.slots(), values.tolist(), strict=True):
             limits = effects[i].parameters()[name]
@@ -231,9 +231,9 @@ class Model:
         return replace(self, effects=tuple(effects))
 
     def jacobian(self, record: Record, base: Floats, shared: Floats | None = None) -> Floats:
-        """The columns of all free parameters about the baseline, shape (p + q, days, n).
+        """Compute the columns of all free parameters at the baseline, shape (p + q, days, n).
 
-        Those of the response may be given.
+        `shared` may give those of the response.
         """
         steps, candidates = self._steps(record)
         columns = sensitivities(self.reach, record, candidates, self.changes(record), shared, base)
@@ -241,7 +241,7 @@ class Model:
         return columns
 
     def _steps(self, record: Record) -> tuple[Floats, list[Changes]]:
-        """Small steps of the effects' free parameters, and all changes with each."""
+        """Return small steps of the effects' free values (q,), and all changes with each step."""
         values, scales = self.values(), self.scales()
         steps, candidates = np.empty(len(values)), []
         for j in range(len(values)):

@@ -1,14 +1,14 @@
-"""Where the gap is largest: hours, weekdays, dates, flows, levels, their rates, and times since a step.
+"""Location of the largest gap: hours, weekdays, dates, flows, levels, their rates, and times since a step.
 
 A sample has a score s and an information q, so that the sum of s over the sum of q is a size: with x the
-whitened column of a unit inflow and r the whitened residual, s = x r and q = x^2 give it in m3/s; a
-reconstructed inflow has q = 1. The departure of a bin is its size less that of all samples,
+whitened column of a unit inflow and r the whitened residual, s = x r and q = x^2 give it in m3/s; for a
+reconstructed inflow q = 1. The departure of a bin is its size minus that of all samples,
 
     D_b = S_b / Q_b - S / Q = sum over blocks j of psi_jb,
     psi_jb = (s_jb - (S/Q) q_jb) / Q_b - (s_j - (S/Q) q_j) / Q,
 
-and its significance follows from flipping the signs of whole blocks of psi. A bin present in one block only
-cannot be judged that way, so dates come in long parts; their ends are found by segmentation.
+and its significance is tested by flipping the signs of whole blocks of psi. This test needs a bin in several
+blocks, so dates are binned in long parts; the ends of date windows are found by segmentation.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,10 @@ from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
 BINS = 8
-"""Bins of a flow, a level or a rate, with as many samples each."""
+"""Number of bins of a flow, a level or a rate, with equal numbers of samples."""
 
 PART_BLOCKS = 10
-"""Blocks in a part of the season: flips of k blocks give no p under 2^(1 - k)."""
+"""Blocks in a part of the season: flips of k blocks give no p-value below 2^(1 - k)."""
 
 STEP = 0.02
 """A step is a change from one sample to the next of more than this share of the flow's 5-95 % range."""
@@ -40,28 +40,28 @@ FIRST_SHIFT = 5.0
 """Hour at which one of three shifts begins."""
 WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
 FEWEST = 5
-"""Least number of blocks of a bin: flips of fewer give no small p."""
+"""Smallest number of blocks of a tested bin: flips of fewer give no small p-value."""
 
 KEPT = 0.6
-"""Share of blocks, those of the smallest contributions, that set the scale of a bin."""
+"""Share of blocks, those with the smallest contributions, that set the scale of a bin."""
 
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """A quantity that samples are binned by."""
+    """A quantity by which samples are binned."""
 
     name: str
     unit: str
-    edges: Floats  # (k + 1,) [unit]; a bin holds its lower edge
+    edges: Floats  # (k + 1,) [unit]; a bin includes its lower edge
     labels: tuple[str, ...]  # length k
     bin: Ints  # (days, n): bin of each sample; -1 for none
     cyclic: bool = False  # whether the last bin is next to the first one
 
 
 def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
-    """Everything the logs allow to bin by; constant quantities are left out.
+    """Return all drivers that vary in the logs.
 
-    `blocks` (days,) are those of the days: parts of the season are whole blocks.
+    `blocks` (days,) are the blocks of the days: parts of the season consist of whole blocks.
     """
     hour, used = record.hour, record.used
     weekday = np.asarray(record.day_number + record.dates[0].weekday(), float) % 7.0
@@ -73,7 +73,7 @@ def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
     turns = [f"{(FIRST_SHIFT + 8 * i) % 24:g} to {(FIRST_SHIFT + 8 * i + 8) % 24:g} h" for i in range(3)]
 
     def rate(values: Floats) -> Floats:
-        """Change over the last hour [1/h], shape (days, n); NaN before."""
+        """Return the change over the last hour [1/h], shape (days, n); NaN in the first hour."""
         out = np.full(values.shape, np.nan)
         out[:, lag:] = (values[:, lag:] - values[:, :-lag]) * (3600.0 / (lag * record.sample_time))
         return out
@@ -93,7 +93,7 @@ def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
 
 
 def season(dates: Sequence[date], blocks: ArrayLike, n: int) -> Driver | None:
-    """Parts of the season of :data:`PART_BLOCKS` blocks or more, for rows of n samples; None if only one."""
+    """Return parts of :data:`PART_BLOCKS` blocks or more, for rows of n samples; None if only one."""
     number = np.unique(np.asarray(blocks), return_inverse=True)[1]
     many = int(number.max()) + 1
     parts = min(many // PART_BLOCKS, 12)
@@ -110,7 +110,7 @@ def season(dates: Sequence[date], blocks: ArrayLike, n: int) -> Driver | None:
 
 
 def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
-    """Bins with as many used samples each; None where nothing varies. NaN has no bin."""
+    """Return bins with equal numbers of used samples, or None if values do not vary. NaN has no bin."""
     there = used & np.isfinite(values)
     if not there.any():
         return None
@@ -124,7 +124,7 @@ def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
 
 
 def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
-    """Hours since the last step in the row; samples before the first one have no bin."""
+    """Return bins by hours since the last step in the row; samples before the first one have no bin."""
     low, high = np.quantile(flow, [0.05, 0.95])
     steps = np.abs(np.diff(flow, axis=1, prepend=flow[:, :1])) > max(STEP * (high - low), 1e-9)
     if not steps.any():
@@ -138,7 +138,7 @@ def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
 
 
 def in_words(day: date) -> str:
-    """12 May."""
+    """Return a date such as "12 May"."""
     return f"{day.day} {day:%B}"
 
 
@@ -157,7 +157,7 @@ class Scores:
 
 
 def as_scores(score: ArrayLike, used: ArrayLike, blocks: ArrayLike) -> Scores:
-    """Scores of an inflow (days, n), with the information 1, used samples and blocks (days,), checked."""
+    """Validate scores of an inflow (days, n), with the information 1, used samples and blocks (days,)."""
     there, s, block = np.asarray(used, bool), np.asarray(score, float), np.asarray(blocks)
     if s.ndim != 2 or s.shape != there.shape or block.shape != s.shape[:1]:
         raise RividError(f"score, used, blocks have shapes {s.shape}, {there.shape}, {block.shape}: "
@@ -175,10 +175,10 @@ def as_scores(score: ArrayLike, used: ArrayLike, blocks: ArrayLike) -> Scores:
 def p_values(
     scores: Scores, by: Sequence[Driver], *, draws: int = 1999, seed: int = 0
 ) -> tuple[Floats, float]:
-    """p of the largest departure of each driver, shape (drivers,), and p of the smallest of them.
+    """Return p-values of the largest departure of each driver (drivers,), and that of their minimum.
 
-    By sign flips of blocks, the same for all drivers. Bins of one driver are comparable, drivers are not; the
-    smallest p of each flip is (Westfall and Young 1993).
+    Signs of blocks are flipped, in the same way for all drivers. Bins of one driver are comparable, drivers
+    are not; the smallest p-value of each flip is (Westfall and Young 1993).
     """
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), (draws, int(scores.block.max()) + 1))
     ranks = []
@@ -196,7 +196,7 @@ def p_values(
 
 
 def sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
-    """Sums by block and bin, shape (blocks, k)."""
+    """Sum by block and bin, shape (blocks, k)."""
     k, J = len(driver.labels), int(block.max()) + 1
     inside = driver.bin >= 0
     cell = (block[:, None] * k + driver.bin)[inside]
@@ -204,14 +204,14 @@ def sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
 
 
 def influence(S: Floats, Q: Floats) -> Floats:
-    """psi, shape (blocks, k), of sums by block and bin; 0 in bins with nothing."""
+    """Compute psi, shape (blocks, k), from sums by block and bin; 0 in empty bins."""
     u = S - S.sum() / max(Q.sum(), 1e-300) * Q
     known = Q.sum(0)
     return np.where(known > 0.0, u / np.where(known > 0.0, known, 1.0) - u.sum(1)[:, None] / known.sum(), 0.0)
 
 
 def _spread(psi: Floats) -> Floats:
-    """Scale of each bin's departure, shape (k,), from the smaller contributions of blocks (blocks, k).
+    """Return the scale of each bin's departure (k,), from the smaller contributions of blocks (blocks, k).
 
     It does not change with the flips, so the test stays valid, and an effect that acts in some weeks only
     does not inflate its own scale.
@@ -225,33 +225,33 @@ def _spread(psi: Floats) -> Floats:
 
 
 def _shares(values: Floats) -> Floats:
-    """Share of all values that are as large as each one, itself included, to rounding."""
+    """Return the share of all values that are at least as large as each one, itself included, to rounding."""
     rounded = np.round(values, 9)
     return np.asarray(1.0 - np.searchsorted(np.sort(rounded), rounded, side="left") / len(values), float)
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a gap is largest."""
+    """Location of the largest gap."""
 
     driver: str
-    # Range of the driver [its unit]; low >= high goes past midnight or Sunday. Of dates, see `windows`.
+    # Range of the driver [its unit]; low >= high wraps past midnight or Sunday. For dates, see `windows`.
     low: float
     high: float
-    size: float  # there, less elsewhere [unit of the effect], and its standard error by blocks
+    size: float  # inside minus outside [unit of the effect], and its standard error by blocks
     size_se: float
-    p_value: float  # all drivers and bins counted
-    # First and last day of each time in which it is there; the whole season if no end is seen.
+    p_value: float  # corrected for all drivers and bins
+    # First and last day of each period in which it acts; the whole season if no end is found.
     windows: tuple[tuple[date, date], ...]
-    text: str  # the same in words
+    text: str  # description
 
 
 def strongest(
     scores: Scores, by: Sequence[Driver], dates: Sequence[date], level: float = 0.05
 ) -> Place | None:
-    """The largest departure: neighbouring bins of one driver, and dates; None if none is significant.
+    """Find the largest departure: adjacent bins of one driver, and dates; None if none is significant.
 
-    `level` is that of the largest bin of all drivers. With k blocks no p is below 2^(1 - k).
+    `level` is that of the largest bin of all drivers. With k blocks no p-value is below 2^(1 - k).
     """
     each, p_value = p_values(scores, by)
     significant = [d for d, p in zip(by, each, strict=True) if p <= level]
@@ -286,20 +286,20 @@ def strongest(
 
 
 def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
-    """Days (days,), and the first and last bin, of the largest departure."""
+    """Return days (days,) and the first and last bin of the largest departure."""
     days = np.ones(len(scores.block), bool)
     if driver.name == "date":
         q = scores.information.sum(1)
         cut = segment(scores.score.sum(1), q, scores.block, rest="free")
         if cut.found:
-            longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the one that lasts
+            longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the longest one
             apart = np.abs(cut.size - cut.size[longest])
             other = apart > 2.0 * np.hypot(cut.size_se, cut.size_se[longest])
             return np.repeat(other & (np.arange(len(other)) != longest), np.diff(cut.bounds)), 0, 0
         _, _, first, last = _best_run(scores, driver, days)
         return np.asarray(_between(driver, first, last).any(1)), first, last
     first = last = 0
-    for _ in range(3):  # the hours sharpen the dates, and the dates the hours
+    for _ in range(3):  # refine dates and hours in turn
         _, sign, first, last = _best_run(scores, driver, days)
         inside = _between(driver, first, last)
         rest = ~(inside & days[:, None])
@@ -307,7 +307,7 @@ def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
         g = ((scores.score - usual * scores.information) * inside).sum(1)
         q = (scores.information * inside).sum(1)
         if len(np.unique(scores.block[q > 0.0])) < FEWEST_BLOCKS:
-            break  # on too few days for dates of their own
+            break  # too few blocks for separate dates
         cut = segment(g, q, scores.block, sign=sign)
         now = cut.mask if cut.found else np.ones_like(days)
         if (now == days).all():
@@ -317,9 +317,9 @@ def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
 
 
 def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, int, int]:
-    """Gain [nats], sign, first and last bin of the neighbours that differ most from the rest of some days.
+    """Return gain [nats], sign, first and last bin of the adjacent bins that differ most from the others.
 
-    No more than half the information: the rest of a cycle would otherwise be the same run, with a minus.
+    A run has at most half of the information: the rest of a cycle is the same run with opposite sign.
     """
     S, Q = (sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.information))
     k, total_S, total_Q = len(S), S.sum(), Q.sum()

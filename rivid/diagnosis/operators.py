@@ -1,11 +1,11 @@
-"""How the operators command the outflow, identified from the logs.
+"""Identification of how the operators command the outflow, from the logs.
 
 They act in steps. After move k the command is, in the integrated form of (9),
 
     u_Qo(k) = c + K_Q u_Qi(k - l) + G e(k) + (G / T_trim) integral of e dt + n(k),
 
-with e the level's deviation from the set point beyond the dead-band, G = -K_h, and n all else: rounding is
-white, differences between operators give a slow walk. The level they see results from their earlier
+with e the level's deviation from the set point beyond the dead-band, G = -K_h, and n the remainder: rounding
+is white, differences between operators give a slow walk. The level that they see results from their earlier
 moves, so that ordinary least squares would attribute n to the level. Whitened by the model of n, the
 remainder at a move is independent of everything before it, the level included: least squares are consistent.
 """
@@ -24,46 +24,46 @@ from rivid.reach.transport import held_volume
 from rivid.types import HOUR, Bools, Floats
 
 HINGES = 20
-"""Flows that are tried as the one above which the set point changes with it."""
+"""Number of flows tried as the one above which the set point depends on the flow."""
 SURE = 3.0
-"""Standard errors from which a set point that follows the flow is accepted."""
+"""Standard errors of its slope at which a set point that depends on the flow is accepted."""
 OFFSETS = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
 """Offsets from the days' mean level that are tried [m]."""
 FEWEST_DAYS = 6
-"""Fewest days for a set point that follows the flow."""
+"""Fewest days for a set point that depends on the flow."""
 PROMPT = 0.5
-"""Probability of a move at a sample from which a change of the inflow is taken as its cause."""
+"""Probability of a move at a sample above which a change of the inflow is taken as its cause."""
 
 OFTEN = 0.02
-"""Share of samples at the smallest command from which it is a limit."""
+"""Share of samples at the smallest command above which it is a limit."""
 BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
 """Dead-bands that are tried [m]."""
 FINER = (0.005, 0.0025)
-"""Steps of the level and the dead-band about the best of these [m]."""
+"""Steps of the level and the dead-band in the refinement of the best pair [m]."""
 FEWEST_MOVES = 100
 """Fewest moves from which a law is identified."""
 FARTHEST = 60
-"""Longest lag of the outflow behind the inflow that is tried [samples]: twice the way of a wave in a reach of
-30 samples."""
+"""Longest lag of the outflow behind the inflow that is tried [samples]: twice the travel time of a wave in a
+reach of 30 samples."""
 ROUNDS = 3
-"""Times that noise and law are fitted in turn."""
+"""Number of alternating fits of noise and law."""
 
 
 @dataclass(frozen=True)
 class SetPoint:
-    """The level aimed at: ``level + slope max(flow - hinge, 0)``, flow the day's mean inflow."""
+    """Level set point ``level + slope max(flow - hinge, 0)``, with flow the day's mean inflow."""
 
     level: float  # [m]
     slope: float = 0.0  # [m per m3/s]
     hinge: float = 0.0  # [m3/s]
 
     def at(self, flow: Floats) -> Floats:
-        """The level aimed at on days of a mean inflow [m3/s]; any shape."""
+        """Return the set point on days of a mean inflow [m3/s]; any shape."""
         return np.asarray(self.level + self.slope * np.maximum(flow - self.hinge, 0.0))
 
 
 def set_points(record: Record) -> list[SetPoint]:
-    """Levels that may be aimed at: about the days' means, one level or one that follows the inflow.
+    """Return possible set points: about the days' mean levels, constant or dependent on the inflow.
 
     Within a dead-band the mean level is not the set point, so offsets from it are tried too.
     """
@@ -74,7 +74,7 @@ def set_points(record: Record) -> list[SetPoint]:
     best, least = None, np.inf
     for hinge in np.linspace(flow.min(), flow.max(), HINGES, endpoint=False).tolist():
         x = np.maximum(flow - hinge, 0.0)
-        if len(x) < FEWEST_DAYS or np.ptp(x) == 0.0:  # the same every day
+        if len(x) < FEWEST_DAYS or np.ptp(x) == 0.0:  # constant, or too few days
             continue
         X = np.stack([np.ones_like(x), x], axis=1)
         found = np.linalg.lstsq(X, level, rcond=None)[0]
@@ -87,27 +87,27 @@ def set_points(record: Record) -> list[SetPoint]:
 
 
 def day_flow(record: Record) -> Floats:
-    """Mean inflow of each day [m3/s], shape (days,)."""
+    """Return the mean inflow of each day [m3/s], shape (days,)."""
     return np.asarray(record.inflow[:, record.lead :].mean(axis=1))
 
 
 def moves(record: Record) -> Bools:
-    """Samples at which the outflow command is new and the level known, shape (days, n)."""
+    """Return samples at which the outflow command is new and the level known, shape (days, n)."""
     return np.asarray(_new(record) & record.used & np.isfinite(record.output))
 
 
 def last_move(record: Record) -> NDArray[np.intp]:
-    """Sample of the last new command in the row, shape (days, n); 0 before the first."""
+    """Return the sample of the last new command in the row, shape (days, n); 0 before the first."""
     sample = np.arange(record.time.shape[1])
     return np.asarray(np.maximum.accumulate(np.where(_new(record), sample, 0), axis=1))
 
 
 def looks(record: Record, lag: int) -> tuple[float, float]:
-    """Longest time between looks [s], and the change of the inflow that causes one at once [m3/s].
+    """Estimate the time between checks [s], and the change of the inflow that causes one at once [m3/s].
 
     After a change of the inflow the probability of a move at a sample has two values, below and above the
-    notice: the notice maximises the likelihood of the logged moves, and is infinite where moves above it are
-    not prompt either. Moves below it are looks that were due: their median distance is the time.
+    notice. The notice maximises the likelihood of the logged moves; it is infinite if moves above it are not
+    prompt either. Moves below it are checks that were due: their median distance is the time.
     """
     sample, last = np.arange(record.time.shape[1]), last_move(record)
     before = np.concatenate([last[:, :1], last[:, :-1]], axis=1)
@@ -126,7 +126,7 @@ def looks(record: Record, lag: int) -> tuple[float, float]:
 
 
 def step_of(values: Floats) -> float:
-    """The step of quantised values; 0 where there is none.
+    """Return the step of quantised values, or 0 if there is none.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def _new(record: Record) -> Bools:
 
 
 def _nats(moved: Bools) -> float:
-    """Largest log-likelihood of a common probability."""
+    """Return the largest log-likelihood of a common probability."""
     n = len(moved)
     p = moved.mean() if n else 0.0
     return float(n * (p * np.log(p) + (1 - p) * np.log1p(-p))) if 0.0 < p < 1.0 else 0.0
@@ -167,11 +167,11 @@ class Law:
 
     feedforward: float  # K_Q [-]
     lag: int  # l [samples]
-    level_gain: float  # g = -K_h [m2/s]; 0 where no response to the level is seen
-    trim_time: float  # T_trim [s]; infinite where a lasting deviation is not trimmed away
+    level_gain: float  # G = -K_h [m2/s]; 0 if no response to the level is found
+    trim_time: float  # T_trim [s]; infinite if a lasting deviation is not corrected
     dead_band: float  # [m]
     set_point: SetPoint
-    look: float  # longest time between looks [s]; change of the inflow that causes one at once [m3/s]
+    look: float  # longest time between checks [s]; change of the inflow that causes one at once [m3/s]
     notice: float
     quantum: float  # step and smallest value of the command [m3/s]
     lowest: float
@@ -179,7 +179,7 @@ class Law:
 
 
 def identify(record: Record) -> Law | None:
-    """The law behind the outflow commands of a pool's days; None where the outflow hardly ever moves."""
+    """Identify the law of the outflow commands of a pool's days; None if the outflow hardly ever moves."""
     moved = moves(record)
     if moved.sum() < FEWEST_MOVES:
         return None
@@ -187,11 +187,11 @@ def identify(record: Record) -> Law | None:
     there = np.arange(order.shape[1]) < moved.sum(axis=1)[:, None]
 
     def at_moves(values: Floats) -> Floats:
-        """Values at the moves, NaN after a day's last; shape (days, m)."""
+        """Return values at the moves, NaN after a day's last; shape (days, m)."""
         return np.where(there, np.take_along_axis(values, order, axis=1), np.nan)
 
     def levels(tried: list[Aim]) -> tuple[Floats, Floats]:
-        """Deviations [m] and their integrals [m s] at the moves, shape (aims, days, m) each."""
+        """Return deviations [m] and their integrals [m s] at the moves, shape (aims, days, m) each."""
         errors = [beyond(record, aim, band) for aim, band in tried]
         return np.stack([at_moves(e) for e in errors]), np.stack(
             [at_moves(held_volume(record.time, e)) for e in errors]
@@ -221,7 +221,7 @@ def identify(record: Record) -> Law | None:
         lag, best, found = _least_squares(command, inflows, level, trimmed, tried, noise, weights)
     feedforward, gain, trim = found.tolist()
     gain, trim = max(gain, 0.0), max(trim, 0.0)
-    if trim > 0.0:  # pure trimming is a gain that acts within the shortest time
+    if trim > 0.0:  # integral action alone: gain with the shortest T_trim
         gain = max(gain, trim * record.sample_time)
     aim, band = tried[best]
     look, notice = looks(record, lag)
@@ -237,9 +237,9 @@ def identify(record: Record) -> Law | None:
 
 
 def validate(law: Law, record: Record) -> Operators:
-    """The law with the share of the outflow's changes within an hour that it explains on other days.
+    """Return the law with the share of the outflow's changes within an hour that it explains on other days.
 
-    A change is from the move in force an hour before to a move: the times of looks are not predicted.
+    A change is from the move in force an hour before to a move: times of checks are not predicted.
     """
     n = max(round(HOUR / record.sample_time), 1)
     last = last_move(record)
@@ -268,7 +268,7 @@ def validate(law: Law, record: Record) -> Operators:
 
 
 def beyond(record: Record, aim: SetPoint, band: float) -> Floats:
-    """Deviation of the level from the set point beyond a dead-band [m], shape (days, n); 0 where unknown."""
+    """Return the level's deviation from the set point beyond a dead-band [m], (days, n); 0 if unknown."""
     off = record.output - aim.at(day_flow(record))[:, None]
     return np.where(np.isfinite(off), np.copysign(np.maximum(np.abs(off) - band, 0.0), off), 0.0)
 
@@ -277,7 +277,7 @@ def _least_squares(
     command: Floats, inflows: Floats, levels: Floats, trims: Floats, tried: list[Aim], noise: NoiseModel,
     weights: Floats,
 ) -> tuple[int, int, Floats]:  # fmt: skip
-    """Lag, aim and coefficients (3,) of the least whitened squares over all lags and aims."""
+    """Return lag, aim and coefficients (3,) of the smallest whitened squares over all lags and aims."""
     white = noise.whiten(np.concatenate([command[None], inflows, levels, trims]), like=command)
     white = (white * np.sqrt(weights)[:, None]).reshape(len(white), -1)
     G = white @ white.T
@@ -295,7 +295,7 @@ def _least_squares(
 
 
 def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseModel:
-    """White noise, walk and slow drift with moves as time; an area of 1 makes the drift a rate."""
+    """Fit white noise, walk and slow drift with moves as time; an area of 1 makes the drift a rate."""
     try:
         return fit_noise(
             residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,),

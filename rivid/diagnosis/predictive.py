@@ -1,17 +1,17 @@
-"""How well an explanation predicts days that it was not fitted to, and the probability that this gives it.
+"""Prediction of days by a fit without them, and the probabilities of explanations that follow.
 
-Near the fit of an explanation the whitened residual of day d is r_d - X_d x, x the change of its parameters.
-A fit ends near its optimum, a step s from it: G s is the sum of X'r over days less what the prior and limits
-hold back, G = X'X + P summed over days, P the diagonal precision of the prior. Without block b, x has the
-precision G - G_b and the mean (G - G_b)^-1 (G s - g_b), g_b = X'r of the block: one Gauss-Newton step from
-the full fit. With 0 for s, a number that one block determines to a hundredth of its prior standard
-deviation, and that is a nat from its optimum, would go 141 of these away without the block. The days of b
-are then predicted with innovations r_d - X_d x and the covariance I + X_d V X_d'. A day may be noisier than
-the others as a whole: its innovations are a multivariate t.
+Near the fit of an explanation the whitened residual of day d is r_d - X_d x, with x the change of its
+parameters. The fit may end a step s from its optimum: G s is the sum of X'r over days minus what the prior
+and limits hold back, G = X'X + P summed over days, P the diagonal precision of the prior. Without block b, x
+has the precision G - G_b and the mean (G - G_b)^-1 (G s - g_b), g_b = X'r of the block: one Gauss-Newton step
+from the full fit. With s = 0, a parameter that one block determines to a hundredth of its prior standard
+deviation, and that is one nat from its optimum, would move by 141 prior standard deviations without the
+block. The days of b are then predicted with innovations r_d - X_d x and the covariance I + X_d V X_d'. Days
+may be noisier than others as a whole: the innovations of a day are a multivariate t variable.
 
 The score of an explanation is the sum over blocks of these log densities. Blocks are resampled (Bayesian
-bootstrap), so that a score that rests on a few of them is not sure: pseudo-BMA+ of Yao, Vehtari, Simpson and
-Gelman (2018, Bayesian Analysis 13, 917-1007, section 3.4).
+bootstrap), so that a score that depends on a few of them is uncertain: pseudo-BMA+ of Yao, Vehtari, Simpson
+and Gelman (2018, Bayesian Analysis 13, 917-1007, section 3.4).
 """
 
 import numpy as np
@@ -24,14 +24,14 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
-    """r'r (days,), X'r (days, p) and X'X (days, p, p) of each day, for :func:`held_out`.
+    """Compute r'r (days,), X'r (days, p) and X'X (days, p, p) of each day, for :func:`held_out`.
 
     Parameters
     ----------
     r : ndarray, shape (days, n)
         Whitened residual of the full fit, 0 where a sample is missing.
     X : ndarray, shape (p, days, n)
-        Whitened columns: what one unit of each parameter takes from the residual.
+        Whitened columns: decrease of the residual per unit of each parameter.
     """
     by_day = X.transpose(1, 0, 2)
     squares = np.einsum("dn,dn->d", r, r)
@@ -48,21 +48,21 @@ def held_out(
     off: ArrayLike = 0.0,
     within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Squared innovations and log-determinant of each day, predicted by the fit without its block.
+    """Predict each day by the fit without its block: squared innovations and log-determinant.
 
     Parameters
     ----------
     r_day, g_day, G_day : ndarray
-        Of :func:`information`.
+        Results of :func:`information`.
     precision : array_like, shape (p,)
-        Of the parameters, a priori.
+        Prior precision of the parameters.
     blocks : array_like of int, shape (days,)
     weights : array_like, shape (days,)
-        Of the days in the fit; a day with the weight 0 is predicted by all others.
+        Weights of the days in the fit; a day of weight 0 is predicted by all others.
     off : array_like, shape (p,)
-        Where the fit ended, from the middle of the prior.
+        End of the fit relative to the prior mean.
     within : (array_like, array_like), shape (p,)
-        Least and greatest change of each parameter.
+        Smallest and largest change of each parameter.
 
     Returns
     -------
@@ -72,14 +72,14 @@ def held_out(
         Change of the parameters from the full fit to the fit without the block of each day.
     errors : ndarray, shape (p,)
         Standard errors of the parameters: those of the posterior, or of the jackknife over blocks with weight
-        where these are larger, as where a response does not fit in the same way in all blocks.
+        if these are larger, as when a response fits blocks in different ways.
     """
     label, w = np.asarray(blocks), np.asarray(weights, float)
-    scale = np.sqrt(np.asarray(precision, float))  # one unit is a prior standard deviation
+    scale = np.sqrt(np.asarray(precision, float))  # unit: prior standard deviation
     g_day, G_day, p = g_day / scale, G_day / (scale[:, None] * scale), len(scale)
     G = np.tensordot(w, G_day, 1) + np.eye(p)
     low, high = (np.broadcast_to(end * scale, p) for end in within)
-    # what the prior and limits hold back is no step to the optimum
+    # step to the optimum, given the prior and the limits
     g = G @ step_within(G, np.tensordot(w, g_day, 1) - off * scale, low, high)
     squares, log_det, change = np.empty(len(w)), np.empty(len(w)), np.empty((len(w), p))
     jackknife = []
@@ -103,9 +103,9 @@ def held_out(
 
 
 def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
-    """The step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
+    """Return the step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
 
-    Cut off at the limits afterwards, the step of all other parameters would be wrong.
+    If it were clipped afterwards, the step of all other parameters would be wrong.
     """
     from scipy.optimize import lsq_linear
 
@@ -113,16 +113,16 @@ def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
     if ((x >= low) & (x <= high)).all():
         return np.asarray(x)
     root = np.linalg.cholesky(G)
-    wide = np.maximum(high, low + 1e-9)  # the library asks for some room
+    wide = np.maximum(high, low + 1e-9)  # the library needs low < high
     found = lsq_linear(root.T, np.linalg.solve(root, g), (low, wide), method="bvls")
     return np.asarray(found.x)
 
 
 def day_densities(squares: Floats, log_det: Floats, scale: Floats, counts: Floats, tails: float) -> Floats:
-    """Log density of each day [nats], shape (days,).
+    """Compute the log density of each day [nats], shape (days,).
 
-    `scale` is the Gaussian log density of innovations of 0 before the parameters' part of the covariance, and
-    `counts` the innovations of each day; `tails` are the degrees of freedom of the days' common size.
+    `scale` is the Gaussian log density of innovations of 0 without the parameters' part of the covariance,
+    `counts` are the innovations of each day, `tails` the degrees of freedom of the days' common scale.
     """
     half = 0.5 * counts
     gauss = scale + half * LOG_2PI - 0.5 * log_det
@@ -139,11 +139,11 @@ def probabilities(
     draws: int = 4000,
     seed: int = 0,
 ) -> Floats:
-    """Probability of each explanation, shape (k,), from the log densities of blocks (k, blocks).
+    """Return the probability of each explanation (k,), from the log densities of blocks (k, blocks).
 
     Each draw weighs the blocks by a Dirichlet distribution of `parts`, times their number: with the days of a
-    block as its parts, that of days with their scores summed in blocks. A larger number of parts leaves more
-    weight to an effect that acts in one block. The score of an explanation is tempered, its prior is not.
+    block as parts, the bootstrap of days, scores summed in blocks. More parts leave more weight to an effect
+    that acts in one block. The score of an explanation is tempered, its prior is not.
     """
     s = np.asarray(scores, float)
     weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.full(s.shape[1], parts), draws)

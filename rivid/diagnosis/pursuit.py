@@ -1,12 +1,12 @@
 """Compiled matching pursuit on whitened steps of flow; importing this module loads numba.
 
-An atom is made of whitened steps W_s, one for each sample s at which a flow may begin. The Gram matrix of the
-steps and their products with the whitened row are all that a search needs, so a row of n samples costs n
-operations for each atom that is looked at, whatever its duration. An event that begins at x and lasts D is
+An atom consists of whitened steps W_s, one for each sample s at which a flow may begin. A search needs only
+the Gram matrix of the steps and their products with the whitened row, so each atom costs n operations in a
+row of n samples, whatever its duration. An event that begins at x and lasts D is
 
     (1 - u) W_s + u W_{s+1} - (1 - v) W_e - v W_{e+1},    x = s + u,    x + D = e + v,
 
-exact, as flows are means over samples. Of an event without an end D is infinite.
+which is exact, as flows are means over samples. For an event without an end D is infinite.
 """
 
 from typing import NamedTuple
@@ -20,22 +20,22 @@ from rivid.types import Bools, Floats, Ints
 class Steps(NamedTuple):
     """Whitened steps of one pattern of missing samples."""
 
-    W: Floats  # (S, n): of a step that starts at sample s - before
-    before: int  # starts before the row
+    W: Floats  # (S, n): row s is a step that starts at sample s - before
+    before: int  # number of starts before the row
     gram: Floats  # (S, S): filled row by row as needed
-    have: Bools  # (S,): rows of `gram` that are there
+    have: Bools  # (S,): rows of `gram` that are computed
 
 
 def steps_of(W: Floats, before: int, whole: bool = False) -> Steps:
-    """Steps, and their Gram matrix, still empty or whole."""
+    """Return steps with their Gram matrix, either still empty or `whole`."""
     return Steps(W, before, W @ W.T if whole else np.empty((len(W), len(W))), np.full(len(W), whole))
 
 
 @njit(cache=True, error_model="numpy")
 def receding(W: Floats, samples: float, rise: int) -> Floats:
-    """Steps that start at each sample (S, n), made to rises that recede exponentially.
+    """Transform steps that start at each sample (S, n) to rises that recede exponentially.
 
-    The flow rises straight to 1 over `rise` samples, then falls by 1/e in `samples`; means over samples:
+    The flow rises linearly to 1 over `rise` samples, then falls by 1/e in `samples`; means over samples:
 
         e_s = q (W_s - W_{s+1}) + rho e_{s+1},    rho = exp(-1 / samples),    q = samples (1 - rho),
         (1 / rise) (W_s / 2 + W_{s+1} + ... + W_{s+rise-1} - (rise - 1/2) W_{s+rise}) + e_{s+rise}.
@@ -49,10 +49,10 @@ def receding(W: Floats, samples: float, rise: int) -> Floats:
         for t in range(n):
             out[s, t] = first * (W[s, t] - W[s + 1, t]) + keep * out[s + 1, t]
     if rise > 0:
-        between = np.zeros(n)  # of the steps from s + 1 to s + rise - 1
+        between = np.zeros(n)  # sum of the steps from s + 1 to s + rise - 1
         for j in range(1, min(rise, S)):
             between += W[j]
-        for s in range(S):  # upwards: what lies later is still without its rise
+        for s in range(S):  # upwards: later rows do not have their rise yet
             end = s + rise
             for t in range(n):
                 out[s, t] = (0.5 * W[s, t] + between[t]) / rise
@@ -73,7 +73,7 @@ def _product(W: Floats, before: int, i: int, j: int) -> float:
 
 @njit(cache=True, error_model="numpy")
 def squares(W: Floats, before: int, D: float) -> Floats:
-    """Squared norms (S,) of atoms that start at each sample and last D samples."""
+    """Compute squared norms (S,) of atoms that start at each sample and last D samples."""
     S = len(W)
     out = np.empty(S)
     whole = min(np.floor(D), S) if D < S else S
@@ -92,7 +92,7 @@ def squares(W: Floats, before: int, D: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _row(steps: Steps, s: int) -> Floats:
-    """Products of all steps with step s, (S,)."""
+    """Return the products of all steps with step s, (S,)."""
     if not steps.have[s]:
         for j in range(len(steps.W)):
             steps.gram[s, j] = _product(steps.W, steps.before, s, j)
@@ -103,7 +103,7 @@ def _row(steps: Steps, s: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _place(at: float, D: float, S: int, index: Ints, share: Floats) -> None:
-    """Write the four steps of an event and their shares; steps beyond the row have none."""
+    """Write the four steps of an event and their shares; steps beyond the row have the share 0."""
     index[:], share[:] = 0, 0.0
     s = int(np.floor(at))
     for i, k, w in ((0, s, 1.0 - (at - s)), (1, s + 1, at - s)):
@@ -130,7 +130,7 @@ def _products(steps: Steps, index: Ints, share: Floats, out: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _with(index: Ints, share: Floats, values: Floats) -> float:
-    """Product of an event with something, from its products with all steps."""
+    """Return the product of an event with a row, from the products of all steps with that row."""
     total = 0.0
     for i in range(4):
         total += share[i] * values[index[i]]
@@ -139,7 +139,7 @@ def _with(index: Ints, share: Floats, values: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _inner(steps: Steps, one: Ints, a: Floats, two: Ints, b: Floats) -> float:
-    """Product of two events."""
+    """Return the product of two events."""
     total = 0.0
     for i in range(4):
         if a[i] != 0.0:
@@ -148,15 +148,15 @@ def _inner(steps: Steps, one: Ints, a: Floats, two: Ints, b: Floats) -> float:
 
 
 class Rows(NamedTuple):
-    """The events of a row as they are fitted; arrays have room for more than there are."""
+    """The events of a row during the fit; arrays have room for more than the present number."""
 
     at: Floats  # (room,): starts, as indices of steps
     D: Floats  # (room,): durations [samples]
-    step: Ints  # (room, 4): steps of each
+    step: Ints  # (room, 4): steps of each event
     share: Floats  # (room, 4)
-    product: Floats  # (room, S): with all steps
+    product: Floats  # (room, S): products of the event with all steps
     size: Floats  # (room,)
-    mean: Floats  # (room,): prior of the size, and its precision
+    mean: Floats  # (room,): prior mean and precision of the size
     precision: Floats
 
 
@@ -169,7 +169,7 @@ def _put(rows: Rows, k: int, at: float, D: float, steps: Steps) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _factor(rows: Rows, K: int) -> Floats:
-    """Cholesky factor (K, K) of the sizes' information."""
+    """Return the Cholesky factor (K, K) of the information matrix of the sizes."""
     L = np.empty((K, K))
     for k in range(K):
         for i in range(k + 1):
@@ -184,7 +184,7 @@ def _factor(rows: Rows, K: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _fit(rows: Rows, K: int, c: Floats) -> float:
-    """Fit the sizes; the log-likelihood over that without events."""
+    """Fit the sizes; return the log-likelihood above that without events."""
     if K == 0:
         return 0.0
     L = _factor(rows, K)
@@ -207,7 +207,7 @@ def _fit(rows: Rows, K: int, c: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _wrong(rows: Rows, old: int, K: int, sign: int) -> bool:
-    """Whether a new event has a size of the other sign."""
+    """Return whether a new event has a size of the wrong sign, or 0."""
     for k in range(old, K):
         if sign * rows.size[k] < 0.0 or (sign != 0 and rows.size[k] == 0.0):
             return True
@@ -216,7 +216,7 @@ def _wrong(rows: Rows, old: int, K: int, sign: int) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _variances(rows: Rows, K: int) -> Floats:
-    """Variances of the sizes (K,): the diagonal of the inverse information."""
+    """Return the variances of the sizes (K,): the diagonal of the inverse information."""
     L = _factor(rows, K)
     out = np.zeros(K)
     for k in range(K):
@@ -236,7 +236,7 @@ def _variances(rows: Rows, K: int) -> Floats:
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
 def _rest(rows: Rows, K: int, c: Floats, x: Floats) -> None:
-    """Write the products (S,) of all steps with the row less its events."""
+    """Write the products (S,) of all steps with the row minus its events."""
     x[:] = c
     for k in range(K):
         a, product = rows.size[k], rows.product[k]
@@ -249,9 +249,9 @@ def _best(
     x: Floats, durations: Floats, unit: Floats, apart: float, sign: int, rows: Rows, K: int, without: int,
     refused: Bools, low: Ints, high: int,
 ) -> tuple[float, int, int]:  # fmt: skip
-    """Root of twice the gain of the best atom from `low` to before `high`, its start and which duration.
+    """Return the best atom from `low` to before `high`: root of twice its gain, start and index of duration.
 
-    `x` (S,) is of the row less its events; the one `without` is left in it.
+    `x` (S,) is of the row minus its events; event `without` is added back.
     """
     S = len(x)
     most, where, which = 0.0, -1, 0
@@ -286,7 +286,7 @@ def _best(
 
 @njit(cache=True, error_model="numpy")
 def _ratio(n0: float, n1: float, q0: float, q1: float, q2: float) -> float:
-    """Where between 0 and 1 ``(n0 + u n1)^2 / (q0 + 2 u q1 + u^2 q2)`` is largest."""
+    """Return u between 0 and 1 at which ``(n0 + u n1)^2 / (q0 + 2 u q1 + u^2 q2)`` is largest."""
     below = n0 * q2 - n1 * q1
     u = (n1 * q0 - n0 * q1) / below if below != 0.0 else 0.0
     best, value = 0.0, n0 * n0 / q0 if q0 > 0.0 else 0.0
@@ -301,7 +301,7 @@ def _ratio(n0: float, n1: float, q0: float, q1: float, q2: float) -> float:
 def _moved(
     steps: Steps, rows: Rows, k: int, x: Floats, low: float, near: float, end: bool
 ) -> tuple[float, float]:
-    """Best start (or end) of event k between samples, up to `near` samples away; x is the row without it."""
+    """Return the best start (or end) of event k between samples, within `near`; x is the row without it."""
     at, D = rows.at[k], rows.D[k]
     best, best_at, best_D = -1.0, at, D
     one, two = np.empty(4, np.int64), np.empty(4, np.int64)
@@ -332,13 +332,13 @@ def _moved(
 
 
 AROUND = 8.0
-"""An event moves by no more than this and its duration once others are found [samples]."""
+"""An event moves by at most this plus its duration after others are found [samples]."""
 ROUNDS = 6
-"""Turns of the starts of a row; two or three are usual."""
+"""Maximum number of passes over the starts of a row; two or three are usual."""
 STILL = 0.02
-"""Largest move that ends them [samples]: a fiftieth of a sample changes no likelihood."""
+"""Largest move at which the passes end [samples]: a fiftieth of a sample changes no likelihood."""
 NEAR = 2.0
-"""Farthest move of a start in a turn [samples]."""
+"""Farthest move of a start in a pass [samples]."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -346,7 +346,7 @@ def _timed(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     gain: float,
 ) -> float:  # fmt: skip
-    """Move the starts, or the ends too, between the samples until they are still; the new likelihood."""
+    """Move the starts, or the ends too, between samples until they converge; return the new likelihood."""
     x = np.empty(len(c))
     for _ in range(ROUNDS):
         far = 0.0
@@ -375,7 +375,7 @@ def _timed(
 def _merged(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, price: float, gain: float
 ) -> tuple[int, float]:  # fmt: skip
-    """Make one event of two that follow each other where this costs less than a price; how many are left."""
+    """Merge consecutive events if this costs less than a price; return the number left and the gain."""
     k = old
     while k < K:
         for m in range(old, K):
@@ -384,7 +384,7 @@ def _merged(
                 continue
             at, D = rows.at[:K].copy(), rows.D[:K].copy()
             _put(rows, k, at[k], max(at[m] + D[m], at[k] + D[k]) - at[k], steps)
-            if m < K - 1:  # the last one takes the place
+            if m < K - 1:  # move the last one to m
                 _put(rows, m, rows.at[K - 1], rows.D[K - 1], steps)
             now = _fit(rows, K - 1, c)
             wrong = _wrong(rows, old, K - 1, sign)
@@ -402,7 +402,7 @@ def _dropped(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     price: float, gain: float,
 ) -> tuple[int, float]:  # fmt: skip
-    """Leave out each event that the others, moved, make up for but for less than a price; how many are left.
+    """Remove events if this costs less than a price after moving the others; return number left and gain.
 
     The first pulse found of two that overlap lies between them, and a third one corrects it.
     """
@@ -435,7 +435,7 @@ def pursue(
     steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: float, sign: int,
     price: float, most: int, carried: Floats, timed: int, ends: bool,
 ) -> tuple[Floats, float]:  # fmt: skip
-    """Events of a whitened row, those carried from the row before first.
+    """Find the events of a whitened row, after those carried over from the previous row.
 
     Parameters
     ----------
@@ -443,32 +443,32 @@ def pursue(
     c : ndarray, shape (S,)
         Products of the steps with the row.
     durations : ndarray, shape (L,)
-        Those that an event may have [samples].
+        Possible durations of an event [samples].
     unit : ndarray, shape (L, S)
-        1 over the norms of the atoms; 0 is never chosen.
+        1 over the norms of the atoms; atoms with 0 are never chosen.
     low : ndarray of int, shape (L,)
         First start to consider.
     apart : float
         Least distance of two starts [samples].
     sign : {-1, 0, 1}
-        Of all sizes; 0 is either.
+        Sign of all sizes; 0 allows either.
     price : float
-        Of an event [nats].
+        Price of an event [nats].
     most : int
-        Most new events.
+        Maximum number of new events.
     carried : ndarray, shape (k, 4)
-        Events of the row before: start, duration, size and its standard error; they cost nothing.
+        Events of the previous row: start, duration, size and its standard error; they have no price.
     timed : {0, 1, 2}
-        1: starts between the samples too; 2: and each event that the others make up for is left out.
+        1: starts between samples as well; 2: events are also removed if the others compensate for them.
     ends : bool
-        Whether each event may end at a time of its own.
+        Whether each event may have its own end time.
 
     Returns
     -------
     events : ndarray, shape (k + new, 5)
-        Start, duration, size, its variance, and the log-likelihood lost without it, the others fitted again.
+        Start, duration, size, its variance, and the log-likelihood lost without it, the others refitted.
     gain : float
-        Of all, over none, prices of the new ones paid [nats].
+        Gain of all over none, minus the prices of the new ones [nats].
     """
     S, old = len(c), len(carried)
     room = old + most + 1
@@ -489,14 +489,14 @@ def pursue(
         tries += 1
         _rest(rows, K, c, x)
         worth, s, i = _best(x, durations, unit, apart, sign, rows, K, -1, refused, low, S)
-        # With the others fitted again an atom gains more than this, twice as much where it leans on them.
+        # With the others refitted an atom gains more than this: twice as much if it overlaps with them.
         if s < 0 or worth * worth < price:
             break
         at, D = rows.at[:K].copy(), rows.D[:K].copy()
         _put(rows, K, float(s), durations[i], steps)
         now = _fit(rows, K + 1, c)
         _rest(rows, K + 1, c, x)
-        for k in range(old, K + 1 if K > old else K):  # each at its best start nearby, given the others
+        for k in range(old, K + 1 if K > old else K):  # move each to its best start nearby
             was_at, was_D = rows.at[k], rows.D[k]
             reach = AROUND + (was_D if was_D < S else 0.0)
             window[:] = np.maximum(low, int(was_at - reach))
@@ -528,7 +528,7 @@ def pursue(
             K, gain = _dropped(steps, rows, K, old, c, sign, float(low.min()), ends, price, gain)
     variance = _variances(rows, K)
     kept = old
-    for k in range(old, K):  # exact: the likelihood is a parabola
+    for k in range(old, K):  # exact: the log-likelihood is quadratic
         if 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300) >= price:
             if kept != k:
                 _put(rows, kept, rows.at[k], rows.D[k], steps)

@@ -1,4 +1,4 @@
-"""The result of a diagnosis: frozen values, and the JSON of its contract."""
+"""The result of a diagnosis: immutable values, and their JSON format."""
 
 import datetime as dt
 import json
@@ -14,29 +14,29 @@ class Operators:
     Attributes
     ----------
     feedforward : float
-        Outflow for inflow [-].
+        Change of the outflow per change of the inflow [-].
     lag_s : float
         Delay after the inflow command [s].
     level_gain : float
-        Outflow for each metre of level above the band about the set point [m2/s].
+        Outflow per metre of level beyond the dead-band about the set point [m2/s].
     trim_time_s : float or None
         Integral time of a lasting deviation [s]; None without integral action.
     dead_band : float
         Deviation of the level without a response [m].
     set_point : float
-        Level aimed at, on a usual day [m].
+        Level set point on a usual day [m].
     look_s : float
-        Longest time between two looks [s].
+        Longest time between two checks by the operators [s].
     notice : float or None
-        Change of the inflow that causes a look at once [m3/s]; None where none does.
+        Change of the inflow that causes an immediate check [m3/s]; None if no change does.
     quantum : float
-        Step of the command [m3/s]; 0 where none is seen.
+        Step of the command [m3/s]; 0 if none is found.
     r2 : float
         Share of the hourly changes of the outflow that the law explains on the selecting days [-].
     r2_inflow : float
         The same without the level.
     change, left : float
-        Root mean square of those changes, and of what the law leaves of them [m3/s].
+        Root mean square of those changes, and of their residuals by the law [m3/s].
     """
 
     feedforward: float
@@ -76,17 +76,17 @@ class LoopErrors:
 
 @dataclass(frozen=True)
 class LoopDay:
-    """One day in closed loop, for the picture; all of length n, with NaN where nothing counts.
+    """One day in closed loop, for a figure; sequences of length n, with NaN at unused samples.
 
     Attributes
     ----------
     date : datetime.date
     hour : tuple of float
-        [h].
+        Hour of the day [h].
     inflow : tuple of float
-        Logged [m3/s].
+        Logged inflow [m3/s].
     level, outflow : tuple of tuple of float
-        Measured, simulated without, and with the named effects [m], [m3/s].
+        Measured, simulated without, and simulated with the named effects [m], [m3/s].
     """
 
     date: dt.date
@@ -103,15 +103,15 @@ class ClosedLoop:
     Attributes
     ----------
     operators : Operators or None
-        None where the outflow hardly moves.
+        None if the outflow hardly moves.
     reason : str
-        Why there is no loop; empty where there is one.
+        Why there is no simulation; empty if there is one.
     days : int
-        Days kept apart that were simulated to their end.
+        Sealed days that were simulated to their end.
     spread_measured : float or None
         Standard deviation of the measured level about each day's mean [m].
     baseline, augmented : LoopErrors or None
-        Without and with the named effects; None where the operators cannot be modelled.
+        Without and with the named effects; None if the operators cannot be modelled.
     shown : LoopDay or None
         Not part of diagnosis.json.
     """
@@ -137,7 +137,7 @@ VERDICTS: dict[str, str] = {
     "did_not_hold": "What the fitted days show does not hold on the days kept apart.",
     "insufficient_data": "These data are too few for a verdict.",
 }
-"""Each verdict in a sentence."""
+"""Description of each verdict."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Where:
-    """When an effect acts; None is always.
+    """When an effect acts; None means always.
 
     Attributes
     ----------
@@ -178,13 +178,13 @@ class NamedEffect:
     ----------
     name, family : str
     p_value : float
-        Family-wise, of the whole library.
+        Of its gain over the explanation without it, by Student's t over blocks.
     tied_with : tuple of str
         Names that the data cannot separate from it.
     runner_up : str or None
-        The next best name.
+        The next most probable name.
     margin : float or None
-        By how much more of the excess error on the selecting days it removes than the runner-up (share).
+        Probability of the effect minus that of the runner-up.
     parameters : tuple of Estimate
     where : Where
     breaker : str or None
@@ -192,9 +192,9 @@ class NamedEffect:
     table : dict
         The effect as a table of a scenario.
     events : int
-        How many events it has; 0 where it has none.
+        Number of its events; 0 if it has none.
     probability : float or None
-        That it acts in the reach: the sum over all explanations that hold it.
+        Probability that it acts in the reach: the sum over all explanations with it as a material effect.
     """
 
     name: str
@@ -218,18 +218,18 @@ class Ranked:
     Attributes
     ----------
     names : tuple of str
-        Its effects that matter; empty for nothing missing and for a purely unknown cause.
+        Its material effects; empty if nothing is missing and for a purely unknown cause.
     unknown : {"flow", "gauge", "dynamics"} or None
-        What it leaves without a name: an inflow, an error of the gauge, or a response that no equation with
-        physical parameters gives.
+        Its unknown cause: an inflow, an error of the gauge, or a response that no equation with physical
+        parameters gives.
     response : str
-        The reach response that it is most probably paired with.
+        Its most probable reach response.
     probability : float
-        All explanations together have 1; with other responses and with effects too small to matter it is the
-        same explanation.
+        The sum over all explanations is 1. Explanations that differ only in the response or in immaterial
+        effects are merged.
     gain : float
         Log predictive density of the open days, each predicted by a fit without its block, above that of
-        "nothing missing" [nats]; of the most probable of these.
+        "nothing missing" [nats]; of the most probable of the merged explanations.
     material : bool
         Whether it removes the least share of the error that counts.
     """
@@ -250,11 +250,11 @@ class Unknown:
     ----------
     where : Where
     size_m3s : float
-        Root mean square of the unexplained inflow, above what weather and gauge make [m3/s].
+        Root mean square of the unexplained inflow [m3/s].
     drivers : tuple of str
-        Its period and the conditions it goes with, in words.
+        Its period and the conditions under which it occurs, in words.
     period_s : float or None
-        Its period [s] where it has one.
+        Its period [s], if it has one.
     """
 
     where: Where
@@ -265,7 +265,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Step:
-    """The gap after an effect was added: RMSE at each horizon, and described where it has events."""
+    """The gap after an effect was added: RMSE at each horizon, and with its events known if it has events."""
 
     added: str
     rmse: tuple[float, ...]
@@ -283,9 +283,9 @@ class Regime:
     words : str
         The state in words, with its numbers.
     rmse_baseline, rmse_augmented : tuple of float
-        At each horizon, of forecasts that end in this state; NaN where there are none.
+        At each horizon, of forecasts that end in this state; NaN if there are none.
     targets : tuple of int
-        How many forecasts that is at each horizon.
+        Number of these forecasts at each horizon.
     """
 
     name: str
@@ -308,16 +308,16 @@ class Gap:
     rmse_baseline, rmse_augmented : tuple of float
         Without and with all effects; events of the day itself unknown.
     rmse_floor : tuple of float or None
-        Error of the true model, where the truth is known.
+        Error of the true model, if it is known.
     closed, closed_forecast : float or None
-        Share of the gap that is closed: with events timed on the day itself, and without.
+        Share of the gap that is closed: with the events of the day known, and unknown.
     steps : tuple of Step
     by_regime : tuple of Regime
         The gap by the state of the reach, events of the day itself unknown.
     rmse_described : tuple of float or None
-        With all effects, events timed on the day itself; None where there are no events.
+        With all effects, events of the day known; None if there are no events.
     rmse_open_baseline, rmse_open_augmented : tuple of float or None
-        As `rmse_baseline` and `rmse_augmented`, of the open days: each day by a fit without its block.
+        As `rmse_baseline` and `rmse_augmented`, for the open days: each day by a fit without its block.
     """
 
     heldout_dates: tuple[dt.date, ...]
@@ -338,7 +338,7 @@ class Gap:
     def reduced(self) -> tuple[float, ...]:
         """Share of the squared error that is removed at each horizon, events of the day itself unknown.
 
-        Negative where the error grows; NaN where there is no error to remove. It needs no floor.
+        Negative if the error grows; NaN if there is no error to remove. It needs no floor.
         """
         pairs = zip(self.rmse_baseline, self.rmse_augmented, strict=True)
         return tuple(1.0 - (after / before) ** 2 if before else math.nan for before, after in pairs)
@@ -346,14 +346,14 @@ class Gap:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer.
+    """The answer of a diagnosis.
 
     Attributes
     ----------
     verdict : str
         One of :data:`VERDICTS`.
     reason : str
-        Why, in a sentence with numbers.
+        Reason of the verdict, in a sentence with numbers.
     reach_response : str
     reach_parameters : tuple of Estimate
     effects : tuple of NamedEffect
@@ -362,15 +362,15 @@ class Diagnosis:
     noise : dict
         The noise model, SI units.
     notes : tuple of str
-        Parameters at limits, days left out, what was held fixed.
+        Parameters at limits, days left out, and other remarks.
     closed_loop : ClosedLoop or None
         None for a river reach, which has no operators below.
     ranking : tuple of Ranked
         All explanations, the most probable first.
     small : tuple of str
-        Effects that are sure and do not matter: each a sentence with numbers.
+        Effects that are probable but immaterial: each a sentence with numbers.
     next_measurement : str or None
-        What to measure or operate next, and what it would decide, in a sentence.
+        Next measurement or gate operation and what it would decide, in a sentence.
     """
 
     verdict: Verdict
@@ -388,7 +388,7 @@ class Diagnosis:
     next_measurement: str | None = None
 
     def to_json(self) -> str:
-        """The text of diagnosis.json; numbers that are not finite become null."""
+        """Return the text of diagnosis.json; numbers that are not finite become null."""
         document = asdict(self)
         if self.gap is not None:
             document["gap"]["reduced"] = self.gap.reduced
@@ -413,7 +413,7 @@ def _plain(value: Any) -> Any:
 
 
 def closed_share(base: float, augmented: float, floor: float) -> float | None:
-    """Share of the squared error above the floor that is gone; None where nothing was above it.
+    """Return the share of the squared error above the floor that is gone, or None if none was above it.
 
     Examples
     --------

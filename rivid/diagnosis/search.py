@@ -1,4 +1,4 @@
-"""Candidates: every effect of the library, in its best window, about a fitted explanation.
+"""Candidates: every effect of the library, in its best window, linearised about a fitted explanation.
 
 The columns of all trials are computed once for a response, and whitened with the noise of the explanation.
 For a window W of days, with the whitened column w of a candidate, the residual r of the explanation and the
@@ -6,8 +6,8 @@ columns X of its parameters (priors in G = X'X + P),
 
     gain = s' Q^-1 s / 2,    s = sum_W w'r,    Q = sum_W w'w - (sum_W X'w)' G^-1 (sum_W X'w),
 
-sums over days, so that cumulative sums give all windows. A window inside the season pays for the choice of
-its ends: each of its kind is as likely as the others, and the whole season as likely as all of them together.
+sums over days, so that cumulative sums give all windows. The choice of a window inside the season has a
+price: each window of a kind is equally probable, and the whole season is as probable as all of them together.
 """
 
 import datetime as dt
@@ -34,25 +34,25 @@ HOURS_A_DAY = 24
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect that might be missing, with its window and a first estimate of its size."""
+    """An effect that may be missing, with its window and a first estimate of its size."""
 
     effect: Effect
     free: tuple[str, ...]
-    gain: float  # of the likelihood, linear, with the noise as it is [nats]
+    gain: float  # of the log-likelihood, linearised, with unchanged noise [nats]
     log_prior: float  # of its window [nats]
-    shift: Floats  # (k,): change of the explanation's own parameters with it
-    make: Callable[[float], Effect]  # the effect at a share of its size
+    shift: Floats  # (k,): change of the explanation's own parameters
+    make: Callable[[float], Effect]  # the effect at a multiple of its size
     columns: Floats  # (k, days, n): of its trial on all days
 
     @property
     def worth(self) -> float:
-        """Gain less the price of its window [nats]."""
+        """Gain minus the price of the window [nats]."""
         return self.gain + self.log_prior
 
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """The columns of all trials about a model."""
+    """The columns of all trials, linearised about a model."""
 
     trials: tuple[Trial, ...]
     columns: tuple[Floats, ...]  # (k, days, n) each, in single precision; (24, days, n) of an hourly trial
@@ -60,7 +60,7 @@ class Library:
 
     @classmethod
     def of(cls, model: Model, record: Record, classes: dict[str, type[Effect]]) -> "Library":
-        """Columns of the effects that are possible in a record's reach."""
+        """Compute the columns of the effects that are possible in a record's reach."""
         able = (e for e in classes.values() if e.acts_on(record.kind))
         kernels = kernels_of(model.reach, record)
         base = model.baseline(record)
@@ -82,14 +82,14 @@ class Library:
                             [(model.reach.baseline(record, one) - base) / size for one, size in pairs],
                             np.float32,
                         )
-                except RividError:  # the reach runs dry with this effect
+                except RividError:  # the reach cannot carry the flows
                     continue
                 trials.append(trial)
                 columns.append(found)
         return cls(tuple(trials), tuple(columns), kernels)
 
     def scatter(self, one: Explanation, record: Record, blocks: Ints) -> float:
-        """Median inflation of what an explanation leaves, over the first trial of each name."""
+        """Return the median inflation of an explanation's residual, over the first trial of each name."""
         first: dict[str, Floats] = {}
         for trial, columns in zip(self.trials, self.columns, strict=True):
             if not trial.hourly:
@@ -98,10 +98,10 @@ class Library:
 
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
-    """Output for 1 m3/s in each hour of the day, shape (24, days, n), by convolution with a step response.
+    """Return the output for 1 m3/s in each hour of the day, (24, days, n), by convolution.
 
-    `kernel` (n,) is the output at each sample after 1 m3/s sets in; the reach is linear here, and findings
-    are fitted in the simulator afterwards.
+    `kernel` (n,) is the step response: the output at each sample after 1 m3/s sets in. The reach is taken as
+    linear here; candidates are refitted in the simulator afterwards.
     """
     days, n = record.time.shape
     pulse = np.diff(kernel, prepend=0.0)
@@ -118,9 +118,9 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
 def screened(
     base: Explanation, library: Library, record: Record, best: int = 2, beside: Effect | None = None
 ) -> list[Candidate]:
-    """The best candidates of each name about an explanation, best first.
+    """Return the best candidates of each name about an explanation, best first.
 
-    With `beside` those that are easily mistaken for this effect, with its dates.
+    With `beside`, only effects confounded with this one are tried, with its dates.
     """
     noise = base.model.noise
     assert noise is not None
@@ -140,11 +140,11 @@ def screened(
     flat = X.reshape(len(X), -1)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     before = np.zeros(few.time.shape)
-    before[:, : few.lead] = 1.0  # a metre until the midnight before each day
+    before[:, : few.lead] = 1.0  # 1 m until the midnight before each day
     found: list[Candidate] = []
 
     def products(w: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of whitened columns with what is left, with each other and with the parameters' columns."""
+        """Multiply whitened columns by the residual, by each other and by the parameters' columns."""
         s = np.einsum("kdn,dn->kd", w, r)
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         return s, q, np.einsum("pdn,kdn->pkd", X, w, optimize=True)
@@ -169,7 +169,7 @@ def screened(
 
 
 def _mistaken(trial: Trial, other: Effect) -> bool:
-    """Whether the effect of a trial is confounded with another one."""
+    """Return whether the effect of a trial is confounded with another effect."""
     return any(
         one.name in other.confounded_with or other.name in one.confounded_with for one in trial.effects
     )
@@ -179,13 +179,13 @@ def _windows(
     trial: Trial, columns: Floats, s: Floats, q: Floats, c: Floats, G: Floats, sd: Floats, record: Record,
     open_days: Ints, beside: Effect | None, reset: tuple[Floats, Floats, Floats] | None,
 ) -> list[Candidate]:  # fmt: skip
-    """A trial in the whole season and in its best window of dates (and hours), or in those of an effect."""
+    """Return a trial in the season and in its best window of dates (and hours), or at those of `beside`."""
     days = s.shape[1]
     if trial.hourly:
         return _hourly(trial, columns, s, q, c, G, sd, record, open_days)
     first, end, prior = _spans(trial.dates, days)
     S, Q, C = (_summed(part, first, end) for part in (s, q, c))
-    if reset is not None:  # the midnight after the window shows what has grown in it
+    if reset is not None:  # the drift in the window is reset at the midnight after it
         number = record.day_number[open_days]
         grown = np.append(number, number[-1] + 1)[end] - number[first]
         grown = np.where(end < days, grown, 0) * np.append(np.diff(number) == 1, False)[end - 1]
@@ -223,7 +223,7 @@ def _windows(
 
 
 def _summed(a: Floats, first: Ints, end: Ints) -> Floats:
-    """Sums over windows of the last axis, shape (windows, ...)."""
+    """Sum over windows of the last axis, shape (windows, ...)."""
     sums = np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(a, axis=-1)], axis=-1)
     return np.moveaxis(sums[..., end] - sums[..., first], -1, 0)
 
@@ -238,7 +238,7 @@ def _candidate(
 def candidate_of(
     whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats
 ) -> Candidate:
-    """A candidate of a trial with an effect of its kind, of any size and dates."""
+    """Return a candidate of a trial from an effect of its kind, of any size and dates."""
     key = trial.free[0]
     value = getattr(whole, key)
 
@@ -251,7 +251,7 @@ def candidate_of(
 
 
 def whole_season(library: Library, record: Record) -> list[Candidate]:
-    """Every trial as it stands, without a window of dates and without a first estimate of its size."""
+    """Return every trial at its nominal size, without a window of dates and without a size estimate."""
     found = []
     for trial, columns in zip(library.trials, library.columns, strict=True):
         if not trial.hourly and not trial.effects[0].needs_dates:
@@ -263,11 +263,11 @@ def whole_season(library: Library, record: Record) -> list[Candidate]:
 
 
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
-    """Variance of the scores of blocks over that of the noise model, 1 or more.
+    """Return the variance of block scores over that under the noise model, 1 or more.
 
-    Scores and information (k, days) are w'r and w'w of whitened columns w and what an explanation leaves, r:
-    white noise gives 1, and a response that errs in the same way for days gives more. The largest quarter of
-    the blocks is left out, so that a few bad days do not count.
+    Scores and information (k, days) are w'r and w'w of whitened columns w and the residual r of an
+    explanation. White noise gives 1; a response with the same error for days gives more. The largest quarter
+    of the blocks is left out, so that a few bad days do not count.
     """
     label = np.unique(blocks, return_inverse=True)[1]
     many = int(label.max()) + 1
@@ -282,7 +282,7 @@ def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
 
 
 def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
-    """The inflation of what an explanation leaves, about columns (k, days, n); `blocks` (days,)."""
+    """Return the inflation of an explanation's residual, by columns (k, days, n); `blocks` (days,)."""
     opened = one.weights > 0.0
     few = record.take(opened)
     seen = np.where(few.used, one.residual[opened], np.nan)
@@ -293,17 +293,17 @@ def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) 
 
 
 SHOWN = 0.01
-"""Share of the largest block's information below which a block shows nothing."""
+"""Share of the largest block's information below which a block is ignored."""
 
 
 LEAST_LEFT = 0.02
-"""Share of a column's information that the response's parameters must leave for it to be estimated."""
+"""Least share of a column's information, beyond the response's parameters, at which it is estimated."""
 FEWEST = 4
 """Open days of the shortest window of dates: one block and a neighbour."""
 
 
 def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
-    """First day, end and log prior of the windows of a kind; the whole season is the first of them."""
+    """Return first day, end and log prior of the windows of a kind; the whole season comes first."""
     first, end = np.triu_indices(days + 1, FEWEST)
     kinds = {"all": first < 0, "from": end == days, "until": first == 0, "between": first >= 0}
     inside = kinds[dates] & ((first > 0) | (end < days))
@@ -311,7 +311,7 @@ def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
     one_end = (a == 0) | (b == days)
     prior = np.empty(len(a))
     both = bool((~one_end).any())
-    for group in (one_end, ~one_end):  # windows with one end inside are as likely together as those with two
+    for group in (one_end, ~one_end):  # both groups have the same total probability
         prior[group] = -np.log(2.0 * (2.0 if both else 1.0) * max(int(group.sum()), 1))
     whole = 0.0 if not len(a) else -float(np.log(2.0))
     return (
@@ -320,7 +320,7 @@ def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
 
 
 def _dates(record: Record, open_days: Ints, first: int, end: int) -> tuple[dt.date, dt.date]:
-    """Dates of a window of open days: to the season's ends, and half-way over sealed days next to it."""
+    """Return the dates of a window: up to the season's ends, or half-way over the sealed days beside it."""
     a = 0 if first == 0 else int(open_days[first - 1] + open_days[first] + 1) // 2
     b = record.days - 1 if end == len(open_days) else int(open_days[end - 1] + open_days[end] - 1) // 2
     return record.dates[a], record.dates[b]
@@ -331,9 +331,9 @@ Window = tuple[tuple[dt.date, dt.date] | None, tuple[float, float] | None]
 
 
 def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window]:
-    """Windows with one end of the dates moved by an open day, or of the hours by an hour.
+    """Return windows with one end of the dates moved by an open day, or of the hours by an hour.
 
-    An end of the season stays one, and an end inside it stays inside.
+    An end of the season is kept, and an end inside it stays inside.
     """
     (dates, hours), found = window, list[Window]()
     moves = ((-1, 0), (1, 0), (0, -1), (0, 1))
@@ -357,17 +357,17 @@ def _hourly(
     trial: Trial, columns: Floats, s: Floats, q: Floats, c: Floats, G: Floats, sd: Floats, record: Record,
     open_days: Ints,
 ) -> list[Candidate]:  # fmt: skip
-    """A release in a run of hours: in the whole season, and in its best window of dates.
+    """Return a release in a run of hours: in the whole season, and in its best window of dates.
 
-    The hours are sought in windows between some dates, then the dates for these hours, and the hours for
-    these dates, until neither moves.
+    Hours are first chosen jointly with windows between some dates. Then dates for these hours and hours for
+    these dates are chosen in turn until neither changes.
     """
     days = s.shape[1]
     first, end, prior = _spans(trial.dates, days)
     grid = np.linspace(0, days, GRID + 1).round()
 
     def runs(rows: Ints) -> tuple[Floats, Ints, Ints]:
-        """Gain of the best run of hours of windows, prior included, its start and length."""
+        """Return the gain of the best run of hours in each window, prior included, its start and length."""
         S, Q, C = (_summed(part, first[rows], end[rows]) for part in (s, q, c))
         left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
         gain, start, length = _best_hours(S, left, Q, trial.sign)
@@ -408,14 +408,14 @@ def _hourly(
 
 
 GRID = 24
-"""Parts of a season between which a window of hours begins and ends at first: 300 windows, the same time for
-a month and a year."""
+"""Parts of a season between which a window of hours first begins and ends: 300 windows, so that a month and a
+year take the same time."""
 
 
 def _best_hours(score: Floats, left: Floats, whole: Floats, sign: int) -> tuple[Floats, Ints, Ints]:
-    """Gain, start and length of the best run of hours of each window.
+    """Return gain, start and length of the best run of hours of each window.
 
-    Scores (windows, 24), and information (windows, 24, 24) without and with what the response can do.
+    Scores (windows, 24); information (windows, 24, 24) beyond the response's parameters, and all of it.
     """
     start, many = np.arange(HOURS_A_DAY)[:, None], np.arange(HOURS_A_DAY - 1)
     twice = np.arange(2 * HOURS_A_DAY) % HOURS_A_DAY
@@ -440,27 +440,27 @@ def _gain(score: Floats, left: Floats, whole: Floats, sign: int) -> Floats:
 
 
 SHARES = (0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0)
-"""Shares of a candidate's size at which its fit may begin: of a delay that follows the flow, to which the
-response had bent, the first estimate was a sixth. 0.6 leaves no gap wider than 2 about a clock's, which holds
-within 1.5 times."""
+"""Multiples of a candidate's size at which its fit may begin. For a delay that follows the flow, to which the
+response had adapted, the first estimate was a sixth. 0.6 leaves no gap wider than 2 for a clock; its column
+holds within 1.5 times."""
 APART = 3
-"""Of the open days in order of what an effect does on them, every so many choose between these shares: on all
+"""The multiple is chosen on every third of the open days, in order of the candidate's output on them: on all
 days that took a seventh of the time of a diagnosis."""
 CODINGS = 2
-"""Searches for events: the second one with the noise of what the first one leaves, and refined."""
+"""Searches for events: the second one is refined and uses the noise of the first one's residual."""
 
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
-    """An explanation with one more effect in the simulator, all fitted together.
+    """Return an explanation with one more effect in the simulator, all parameters fitted together.
 
-    Raises where the reach cannot carry the flows with it.
+    Raises RividError if the reach cannot carry the flows with the effect.
     """
     model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
     opened = np.flatnonzero(parent.weights > 0.0)
     acting = np.argsort(-np.sum(candidate.columns[:, opened] ** 2, axis=(0, 2)), kind="stable")
     some = np.isin(np.arange(record.days), opened[acting[::APART]])
-    # The columns hold near the fit, and its response may have bent to the effect, or not.
+    # The columns are valid near the fit, where the response may be biased by the effect, or not.
     for share, bent in product(SHARES, (True, False)):
         try:
             reach = model.reach.with_parameters(
@@ -488,21 +488,21 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
 
 
 MOST_STEPS = 40
-"""Most values tried of a parameter in which the output changes in steps."""
+"""Maximum number of values tried of a stepwise parameter."""
 
 
 def command_steps(record: Record) -> tuple[float, float]:
-    """The smallest usual step of the commanded outflow, and its largest [m3/s]."""
+    """Return the smallest usual step of the commanded outflow, and the largest one [m3/s]."""
     moves = np.abs(np.diff(record.outflow, axis=1))
     moves = moves[moves > 1e-6] if (moves > 1e-6).any() else np.ones(1)
     return float(np.quantile(moves, 0.02)), float(moves.max())
 
 
 def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: float = np.inf) -> list[Effect]:
-    """An effect with other values, from `low` to `high`, of a parameter in which the output changes in steps.
+    """Return an effect with other values of a stepwise parameter, from `low` to `high`.
 
-    Commands are quantised, and a band between two of them acts as the larger one: values half-way between
-    commands, up to the largest change of the outflow; of many, some at equal ratios.
+    Commands are quantised, and a band between two of them acts as the larger one. Values lie half-way between
+    commands, up to the largest change of the outflow; of many, some at equal ratios are kept.
     """
     step, most = command_steps(record)
     values = (np.arange(int(most / step) + 2) + 0.5) * step
@@ -513,7 +513,7 @@ def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: fl
 
 
 def squares_left(model: Model, parent: Explanation, record: Record, days: Bools | None = None) -> float:
-    """Squares of what a model leaves of open days, whitened by the noise and weights of `parent`."""
+    """Return the sum of squares of a model's residual on open days, with noise and weights of `parent`."""
     opened = parent.weights > 0.0 if days is None else days
     few = record.take(opened)
     left = residual_of(few, model.baseline(few)) - parent.coded[opened]
@@ -522,13 +522,13 @@ def squares_left(model: Model, parent: Explanation, record: Record, days: Bools 
 
 
 LEAST_EVENTS = 8.0
-"""Least gain of all events together, less their prices [nats]: as of a candidate that is tried."""
+"""Least gain of all events together, minus their prices [nats]: that of a candidate that is tried."""
 
 
 def with_events(
     parent: Explanation, effect: type[Effect], kernels: dict[str, Floats], record: Record, log_prior: float
 ) -> Explanation | None:
-    """An explanation with events of a kind, found one by one in what it leaves; None where there are none."""
+    """Return an explanation with events of a kind, found one by one in its residual; None without any."""
     kind = kind_of(effect, kernels)
     seen = np.where(record.used, parent.residual, np.nan)
     opened = parent.weights > 0.0
@@ -542,7 +542,7 @@ def with_events(
             seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows,
             refine=turn == CODINGS - 1,
         )  # fmt: skip
-        if found.gain < LEAST_EVENTS or not plausible(found):  # no refinement makes them so
+        if found.gain < LEAST_EVENTS or not plausible(found):  # refinement does not change this
             return None
     assert found is not None
     unknown: Unknown = "gauge" if effect.family == "level" else "flow"
@@ -555,9 +555,9 @@ def with_events(
 
 
 def swung(one: Explanation, record: Record) -> Explanation | None:
-    """An explanation that has a seiche beside what was fitted last, with the seiche of what it now leaves.
+    """Update the seiche of an explanation from its residual, after another effect was fitted.
 
-    None where it leaves none: the last effect has explained it.
+    Returns None if the residual has none: the last effect has explained it.
     """
     swings = [i for i, effect in enumerate(one.others) if effect.found_as == "swing"]
     if not swings or one.bonus is not None:
@@ -571,20 +571,20 @@ def swung(one: Explanation, record: Record) -> Explanation | None:
 
 
 AT_LIMIT = 1.01
-"""Ratio to a limit within which a noise is none of its kind, but what is missing of another memory."""
+"""Ratio to a limit of its memory within which wind is rejected: it stands for a noise of another memory."""
 
 
 def with_noise(
     parent: Explanation, effect: type[Effect], record: Record, log_prior: float,
     latent: Sequence[Explanation] = (),
 ) -> Explanation | None:  # fmt: skip
-    """An explanation with a noise of the level: wind in the filter, or a seiche outside it.
+    """Return an explanation with a noise of the level: wind in the filter, or a seiche outside it.
 
-    Wind begins at the parent with an unknown gauge (`latent`). A seiche makes the weather short and the gauge
-    rough, which hides it: it is sought as well in what that one leaves, and then carries its noise.
+    Wind starts from the parent with an unknown gauge (`latent`). A short weather memory and a large gauge
+    noise can hide a seiche: it is sought in the residual of `latent` too, and then takes its noise.
     """
     model, opened = parent.model, parent.weights > 0.0
-    latent = [one for one in latent if one.names == parent.names]  # a rival of it is extended by this, too
+    latent = [one for one in latent if one.names == parent.names]  # not of a rival
     if effect.found_as == "swing":
         swings = [(one, seiche(record, one, effect)) for one in (parent, *latent)]
         found = [(one, swing) for one, swing in swings if swing is not None]

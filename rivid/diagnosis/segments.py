@@ -1,16 +1,16 @@
-"""Dates with and without an effect: exact penalised segmentation of one score a day.
+"""Dates with and without an effect: exact penalised segmentation of one score per day.
 
-Day d has a score g_d, of variance q_d (its information) where nothing acts; a segment [a, b) in which the
-effect has a size of its own gains
+Day d has a score g_d, of variance q_d (its information) if nothing acts; a segment [a, b) in which the effect
+has its own size gains
 
     G(a, b) = (g_a + ... + g_{b-1})^2 / (2 (q_a + ... + q_{b-1}))    [nats],
 
 the Gaussian log-likelihood with known variances. Optimal partitioning (Jackson et al. 2005, IEEE Signal
-Processing Letters 12) takes the segments with the largest sum of G less a penalty each. Days of a block are
-correlated, and the nominal variance of the scores may be wrong: both are one factor, the inflation, estimated
-from differences of neighbouring blocks, in which a lasting effect cancels. The penalty is that factor times a
-limit from simulated days. The ends of a window inside the season have a price of their own: otherwise an
-effect that is always present would lose its first days whenever these were quiet.
+Processing Letters 12) selects the segments with the largest sum of G minus a penalty for each. Days of a
+block are correlated, and the nominal variance of the scores may be wrong: one factor, the inflation, covers
+both. It is estimated from differences of neighbouring blocks, in which a lasting effect cancels. The penalty
+is that factor times a limit from simulated days. Ends of a window inside the season have an additional price:
+otherwise an effect that is always present would lose quiet days at the start of the season.
 """
 
 from collections.abc import Iterator
@@ -26,11 +26,11 @@ from rivid.types import Bools, Floats, Ints
 
 Rest = Literal["zero", "free"]
 MOST_SEGMENTS = 4
-"""Largest number of segments in the search for changes on simulated days without one."""
+"""Maximum number of segments in the search for changes on simulated days without one."""
 
 EDGE = 3.68
-"""Price of a window's end inside the season [nats]: the drop of the log-likelihood that holds a change date
-with 95 % (Hansen 2000, Econometrica 68)."""
+"""Price of a window's end inside the season [nats]: the drop of the log-likelihood that contains a change
+date with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 def partition(
@@ -43,13 +43,13 @@ def partition(
     shortest: int = 1,
     edge: float = 0.0,
 ) -> tuple[Ints, Bools, float]:
-    """The best segments, by exact dynamic programming over the first day of the last one.
+    """Find the best segments, by exact dynamic programming over the first day of the last one.
 
     Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. `score` and
-    `information` (days,) are g and q, 0 and 0 on a day without data. With the `rest` "zero" days outside
-    windows have no effect, and windows have any size; with "free" the effect is always present, and its size
-    changes. A window or a change costs the penalty [nats], an end of a window inside the season `edge` more.
-    Sizes have the sign `sign`, any for 0; `shortest` are the days of the shortest segment with an effect.
+    `information` (days,) are g and q, 0 and 0 on a day without data. With `rest` "zero" the effect is absent
+    outside windows, and windows have any size; with "free" it is always present, and its size changes. A
+    window or a change costs the penalty [nats], an end of a window inside the season `edge` more. Sizes have
+    the sign `sign`, any for 0; `shortest` is the number of days of the shortest segment with an effect.
     """
     g, q = np.asarray(score, float), np.asarray(information, float)
     n = len(g)
@@ -57,7 +57,7 @@ def partition(
     best[0] = 0.0
     for t, gain in gains(g[None], q, sign):
         if rest == "zero":
-            best[t], begin[t] = best[t - 1], -t  # a day without the effect, which costs nothing
+            best[t], begin[t] = best[t - 1], -t  # a day without the effect costs nothing
         if t >= shortest:
             total = best[: t - shortest + 1] + gain[0, : t - shortest + 1] - penalty
             total -= inside(t, n, shortest) * edge
@@ -81,7 +81,7 @@ def partition(
 
 
 def gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
-    """For t = 1, ..., n the gains G(s, t) of all s < t, shape (draws, t)."""
+    """Yield, for t = 1, ..., n, the gains G(s, t) of all s < t, shape (draws, t)."""
     G = np.concatenate([np.zeros((len(g), 1)), np.cumsum(g, axis=1)], axis=1)
     Q = np.concatenate([[0.0], np.cumsum(q)])
     for t in range(1, len(Q)):
@@ -93,21 +93,20 @@ def gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
 
 
 def inside(t: int, n: int, shortest: int) -> Floats:
-    """Ends inside the season of the segments [s, t), for all s up to t - shortest."""
+    """Return the number of ends inside the season of segments [s, t), for all s up to t - shortest."""
     return np.asarray((np.arange(t - shortest + 1) > 0) + float(t < n))
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Days cut into segments."""
+    """Days divided into segments."""
 
     bounds: Ints  # (k + 1,): first day of each segment, and the number of days
-    # (k,) Score by information [unit of the effect] and its standard error, inflation included; 0 and 0 where
-    # the effect is off.
+    # (k,): score over information [unit of the effect] and its standard error, inflation included; 0 if off
     size: Floats
     size_se: Floats
-    on: Bools  # (k,): whether the effect is there; where the rest is free, all are
-    gain: float  # over no window or no change, penalties paid [nats, by nominal variances]
+    on: Bools  # (k,): whether the effect is present; all True for the rest "free"
+    gain: float  # over no window or no change, minus penalties [nats, by nominal variances]
 
     @property
     def mask(self) -> Bools:
@@ -132,10 +131,10 @@ def segment(
     draws: int = 499,
     seed: int = 0,
 ) -> Segments:
-    """Cut days where an effect begins, ends or changes; arguments as of :func:`partition`.
+    """Divide days at dates on which an effect begins, ends or changes; arguments as of :func:`partition`.
 
-    Days of one block are correlated, blocks hardly; `level` is the share of seasons without an effect that
-    are cut nevertheless, by as many simulated ones as `draws`.
+    Days of one block are correlated, blocks hardly. `level` is the share of seasons without an effect that
+    are divided nevertheless, estimated from `draws` simulated ones.
     """
     g, q, block = np.asarray(score, float), np.asarray(information, float), np.asarray(blocks)
     if not (g.shape == q.shape == block.shape and g.ndim == 1):
@@ -152,10 +151,10 @@ def segment(
     rng = np.random.default_rng(seed)
     shared = rng.standard_normal((draws, int(block.max()) + 1))[:, block]
     quiet = np.sqrt(q) * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * rng.standard_normal((draws, len(g))))
-    # Each draw by its own inflation, as the data are, so that the limit contains the error of that estimate.
+    # Each draw has its own inflation, as the data have: the limit includes the error of this estimate.
     edge = EDGE if rest == "zero" else 0.0
     worst = np.sort(_limits(quiet, q, rest, sign, shortest, edge, block_inflation(quiet, q, block)[0]))
-    rank = max(1, int(level * (draws + 1)))  # this one from the top is exceeded at `level`, exactly
+    rank = max(1, int(level * (draws + 1)))  # the rank-th largest value is exceeded with probability `level`
     penalty = c * float(worst[-rank])
     bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge * c)
     total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
@@ -167,11 +166,11 @@ def segment(
 def _limits(
     g: Floats, q: Floats, rest: Rest, sign: int, shortest: int, edge: float, inflation: Floats
 ) -> Floats:
-    """The lowest penalty at which each draw (draws, days) is left whole [nats over its inflation].
+    """Return the lowest penalty at which each draw (draws, days) is not divided [nats over its inflation].
 
-    Several windows gain at most their number times the best one's, so that one decides. Changes are not
-    additive in that way: a temporary shift takes two, and neither may pay alone; so the best gain for each
-    number of changes is divided by it.
+    Several windows gain at most their number times the gain of the best one, which therefore decides. Gains
+    of changes do not add in that way: a temporary shift needs two, and neither may be worth its penalty
+    alone; so the best gain for each number of changes is divided by that number.
     """
     draws, n = g.shape
     scaled = g / np.sqrt(inflation)[:, None]

@@ -1,8 +1,8 @@
-"""A seiche: an oscillation of the gauge with a wandering phase, found in the spectrum of the innovations.
+"""Seiche: an oscillation of the gauge with a random phase, found in the spectrum of the innovations.
 
 The innovations of a correct model are white. A damped oscillation driven by noise adds the spectrum of an
-autoregression of second order, seen through the whitening filter. Its period, damping and size are fitted to
-the fitting days by Whittle's likelihood and confirmed on the selecting days.
+autoregression of second order, transformed by the whitening filter. Its period, damping and size are fitted
+to the open days by Whittle's likelihood.
 """
 
 from collections.abc import Callable
@@ -21,32 +21,32 @@ from rivid.effects.level import covariance
 from rivid.types import Bools, Floats
 
 SHORTEST, LONGEST = 4, 0.25
-"""Least period [samples] and largest one [days]."""
+"""Smallest period [samples] and largest one [days]."""
 LEAST_DAMPING = 5e-5
-"""[1/s]. Weaker damping is not resolved within a day: a steady oscillation, of a machine."""
+"""Smallest accepted damping [1/s]. Less is not resolved within a day: a steady oscillation, of a machine."""
 SLOWEST = 1e-6
-"""Least damping that the fit tries [1/s]."""
+"""Smallest damping tried in the fit [1/s]."""
 BAND = 2.5
 """Frequencies within this factor of the peak are fitted."""
 NEARBY = 1.3
-"""The power of a swing is taken from frequencies within this factor of its own."""
+"""The power of a swing is summed over frequencies within this factor of its own."""
 WIDEST = 0.7
-"""Largest damping times period: a wider peak is no oscillation."""
+"""Largest product of damping and period: a wider peak is no oscillation."""
 LEAST_CONTRAST = 4.0
-"""Least power at the peak over that without a seiche: a poor response leaves less."""
+"""Smallest ratio of the power at the peak to that without a seiche: the error of a poor response has less."""
 LEAST_PEAK = 2.0
-"""Least height of the highest peak of the mean periodogram over its surroundings, for a fit to be begun."""
+"""Smallest height of the highest peak of the mean periodogram over its surroundings for a fit to start."""
 PRESENT = 0.8
-"""Least share of the days that a seiche gains on."""
+"""Least share of the days on which a seiche must gain."""
 STEADY = 4.0 / 3.0
 """Largest factor between the power of the swing in the third of the samples with the quietest flows and that
-in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that no response held."""
+in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that the response lacked."""
 
 
 def periodograms(innovations: Floats, used: Bools) -> Floats:
-    """Periodogram of each day, shape (days, (n - 1) // 2), 1 on average where white.
+    """Compute the periodogram of each day, shape (days, (n - 1) // 2); its mean is 1 for white noise.
 
-    At the Fourier frequencies of a row but 0 and the highest; both arguments have the shape (days, n).
+    Frequencies are the Fourier frequencies of a row except 0 and the highest; both arguments are (days, n).
     """
     there = np.asarray(used, float)
     many = np.maximum(there.sum(axis=1, keepdims=True), 1.0)
@@ -55,19 +55,19 @@ def periodograms(innovations: Floats, used: Bools) -> Floats:
 
 
 def through_filter(noise: NoiseModel, n: int) -> Floats:
-    """Squared gain of the whitening filter from a level [m] at the same frequencies, ((n - 1) // 2,)."""
+    """Return the whitening filter's squared gain for a level [m] at these frequencies, ((n - 1) // 2,)."""
     impulse = np.zeros((1, 2 * n))
     impulse[0, n] = 1.0
-    answer = noise.whiten(impulse)[0, n:]  # the filter has forgotten its start
+    answer = noise.whiten(impulse)[0, n:]  # without the filter's initial transient
     return np.asarray(np.abs(np.fft.rfft(answer)[1 : (n - 1) // 2 + 1]) ** 2)
 
 
 def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
-    """Expected periodogram of a seiche's level at the same frequencies [m2], 1 m2 for white noise of 1 m.
+    """Return the expected periodogram of a seiche at these frequencies [m2]; white noise of 1 m has 1 m2.
 
-    From its covariance, each lag as often as a row holds it (Sykulski, Olhede, Guillaumin, Lilly and Early
-    2019): the spectrum itself is that of an endless row, and with a line between two frequencies it takes
-    the width that a row gives to any line for that of a strong steady one.
+    It follows from the covariance, each lag weighted by its number in a row (Sykulski, Olhede, Guillaumin,
+    Lilly and Early 2019). With the spectrum of an infinite row, the width that a finite row gives to a line
+    between two frequencies would be taken for that of a strong steady oscillation.
     """
     (a1, a2), _ = law = effect.autoregression(sample_time)  # type: ignore[attr-defined]
     variance, next_one = covariance(law)
@@ -82,13 +82,13 @@ def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
 def fit_seiche(
     power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int
 ) -> tuple[Effect, Floats, int, float]:
-    """The seiche that explains the periodograms of the days `fit` (days,) best, by Whittle (1953).
+    """Fit the seiche that explains the periodograms of the days `fit` (days,) best, by Whittle (1953).
 
-    In a band of :data:`BAND` about the highest peak the gain of a day is
-    ``sum_f [I_f (1/S0_f - 1/S_f) - ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power
-    of f alone. `power` (days, m) is from :func:`periodograms` of rows of n samples and `gain` (m,) from
-    :func:`through_filter`. Returns the seiche, the log-likelihood gained on each day (days,) [nats], the
-    number of periods searched, and the power at the peak over that without the seiche.
+    In a band of :data:`BAND` about the highest peak the gain of a day is ``sum_f [I_f (1/S0_f - 1/S_f) -
+    ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power of f alone. `power` (days, m)
+    is from :func:`periodograms` of rows of n samples and `gain` (m,) from :func:`through_filter`. Returns the
+    seiche, the log-likelihood gained on each day (days,) [nats], the number of periods searched, and the
+    ratio of the power at the peak to that without the seiche.
     """
     mean = power[fit].mean(axis=0)
     order = np.arange(1, len(mean) + 1)
@@ -110,12 +110,12 @@ def fit_seiche(
     def cost(S: Floats) -> float:
         return float((seen / S + np.log(S)).sum())
 
-    level = float(seen.mean())  # a line may have nearly all of it
+    level = float(seen.mean())  # a line may contribute nearly all of it
     low = np.log([0.8 * period, SLOWEST, 1e-6, 1e-6 * level, 1e-4])
     limits = np.array([low, np.log([1.25 * period, WIDEST / period, 1.0, 10.0 * level, 1e4])])
     base = _lowest(lambda p: cost(white(p)), np.array([np.log(level), 0.0]), limits[:, 3:]).x
     over = np.maximum(seen - np.median(seen), 0.0) / gain[band]
-    size = 2.0 * np.sqrt(over[abs(away) < np.log(NEARBY)].sum() / n)  # its power is in the line
+    size = 2.0 * np.sqrt(over[abs(away) < np.log(NEARBY)].sum() / n)  # a swing's power is in its line
     ends = [
         _lowest(lambda p: cost(spectra(p)), np.array([*np.log([period, damping, size]), *base]), limits)
         for damping in (3e-5, 1e-4, 3e-4)
@@ -127,12 +127,12 @@ def fit_seiche(
 
 
 def _lowest(cost: Callable[[Floats], float], start: Floats, limits: Floats) -> Any:
-    """The minimum of a cost within limits, shape (2, k)."""
+    """Minimise a cost within limits, shape (2, k)."""
     return minimize(cost, np.clip(start, *limits), method="L-BFGS-B", bounds=list(limits.T), tol=1e-9)
 
 
 def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
-    """Period of the highest peak above its surroundings, the number of periods searched, and its height."""
+    """Return the period of the highest peak above its surroundings, the periods searched, and its height."""
     periods = n * T_s / np.arange(1, len(mean) + 1)
     smooth = np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
     able = np.flatnonzero((periods >= SHORTEST * T_s) & (periods <= LONGEST * n * T_s))
@@ -143,10 +143,10 @@ def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
 
 
 def _in_quiet(record: Record, seen: Floats, noise: NoiseModel, period: float) -> float:
-    """Power near a period in the third of the used samples with the quietest flows, over that in all."""
+    """Return the power near a period in the third of the samples with the quietest flows over that in all."""
     assert record.activity is not None
     there = np.isfinite(seen)
-    plain = np.where(there, replace(noise, misfit=0.0).whiten(seen), 0.0)  # the same filter at all times
+    plain = np.where(there, replace(noise, misfit=0.0).whiten(seen), 0.0)  # the same filter for all flows
     lines = np.fft.rfft(plain, axis=1)
     frequency = np.fft.rfftfreq(plain.shape[1], record.sample_time)
     lines[:, abs(np.log(np.maximum(frequency, 1e-12) * period)) > np.log(NEARBY)] = 0.0
@@ -158,11 +158,10 @@ def _in_quiet(record: Record, seen: Floats, noise: NoiseModel, period: float) ->
 
 
 def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Effect, Floats, int] | None:
-    """The seiche in what an explanation leaves, its gain on each day (days,) [nats], and the periods
-    searched.
+    """Find a seiche in the residual of an explanation: effect, gain of each day [nats], periods searched.
 
-    None where it is too wide, or too steady: an oscillation of the outflow looks the same where the
-    gauge is at the dam, but that of a governor is either regular, or ends when the gates are held.
+    Returns None if it is too wide or too steady. An oscillation of the outflow looks the same if the gauge is
+    at the dam, but that of a governor is either regular, or ends while the gates are held.
     """
     noise = base.model.noise
     assert noise is not None
@@ -186,7 +185,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     if contrast < LEAST_CONTRAST:
         return None
     if abs(np.log(_in_quiet(record, seen, noise, period))) > np.log(STEADY):
-        return None  # it depends on the flows: waves of the reach that the response does not hold
+        return None  # it depends on the flows: waves of the reach that the response lacks
     gains = np.where(whole, gains, 0.0)
     if (gains[whole & opened] > 0.0).mean() < PRESENT:
         return None  # a temporary fault of a clock or a gate gives oscillations as well

@@ -1,8 +1,8 @@
-"""Periodic components that the model lacks: the spectrum of the innovations against its bootstrap.
+"""Periodic components that the model lacks: spectrum of the innovations compared with its bootstrap.
 
-Innovations of a correct model are white and of variance 1, so the reach drops out of its parametric
-bootstrap: days of independent normal numbers with the same samples missing and the same weights. Every day is
-a segment, and their periodograms are averaged: the phase of a seiche is not kept from day to day.
+Innovations of a correct model are white with variance 1, so the parametric bootstrap does not depend on the
+reach: days of independent normal numbers with the same missing samples and weights. Every day is a segment,
+and periodograms are averaged, as the phase of a seiche is not kept from day to day.
 """
 
 from typing import Any, NamedTuple
@@ -14,10 +14,10 @@ from rivid.errors import RividError
 from rivid.types import DAY, Floats
 
 KNOTS = 24
-"""Frequencies at which the local median is taken; it is straight in the logarithm between them."""
+"""Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
 
 NEAREST = 12
-"""Frequencies on either side that a local median has at least, where there are as many."""
+"""Smallest number of frequencies on either side in a local median, if there are as many."""
 
 FEWEST = 30
 """Samples below which a day has no spectrum."""
@@ -33,15 +33,15 @@ def spectrum(
     draws: int = 199,
     seed: int = 0,
 ) -> tuple[float, float, float, Floats]:
-    """Largest line in the spectrum of innovations (days, n), and a limit for it.
+    """Find the largest line in the spectrum of innovations (days, n), and a limit for it.
 
-    Days are averaged by their weights (days,); `level` is the probability of exceeding the limit where
-    nothing is there: 0.01 needs 99 draws of the bootstrap or more.
+    Days are averaged by their weights (days,). `level` is the probability that the limit is exceeded if no
+    line is there: 0.01 needs 99 draws of the bootstrap or more.
 
     Returns
     -------
     period : float
-        Of the largest line [s].
+        Period of the largest line [s].
     ratio : float
         Its power over the local median.
     limit : float
@@ -68,7 +68,7 @@ def spectrum(
     ])  # fmt: skip
     frequency = np.arange(quiet.shape[1]) / (2 * n * sample_time)
     kept = (frequency >= 0.999 / min(DAY, n * sample_time)) & (frequency <= 0.5 / sample_time)
-    # The day's own mean is out, and gaps smear: the bootstrap gives what is left at each frequency.
+    # The day's mean is removed and gaps smear: the bootstrap gives the expected power at each frequency.
     expected = quiet[:, kept].mean(0)
     power = _power(r, there.astype(float), weight)[kept] / expected
     ratio = power / _local_median(power[None])[0]
@@ -78,33 +78,33 @@ def spectrum(
 
 
 BIN = 1800.0
-"""Means of a series for its rhythm [s]."""
+"""Length of the averages of a series in which a rhythm is sought [s]."""
 SHORTEST = 4.0 * BIN
-"""Period of a rhythm."""
+"""Shortest period of a rhythm [s]."""
 CYCLES = 3.0
 """Fewest cycles of a period in a record."""
 CHANCE = 0.01
-"""That a series without a rhythm shows one."""
+"""Probability that a series without a rhythm shows one."""
 RHYTHM_DRAWS = 200
-"""Of white noise: a chance of 1 % to 0.7 %."""
+"""Draws of white noise: they give a probability of 1 % to within 0.7 %."""
 HARMONICS = range(2, 13)
-"""A line is that of a period so many times as long, where there is a line too: pulses of two hours a day have
-twelve."""
+"""A line is taken as that of a period this number of times as long if there is a line too: pulses of two
+hours a day have twelve."""
 
 
 class Rhythm(NamedTuple):
-    """A line of a whole record."""
+    """A line in the spectrum of a whole record."""
 
     period: float  # [s]
-    resolution: float  # periods so far apart are half a cycle apart at the end of the record [s]
-    many: float  # periods that the record separates
+    resolution: float  # difference of period that makes half a cycle over the record [s]
+    many: float  # number of periods that the record separates
 
 
 def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None:
-    """The strongest line of a whole record, a series (days, n) at times on one clock [s]; None without one.
+    """Return the strongest line of a record, a series (days, n) at times on one clock [s], or None.
 
-    Of samples that come twice, as in lead times, one may count. A line is as many times the local median as
-    white noise with the same gaps exceeds with :data:`CHANCE`.
+    A sample that occurs twice, as in lead times, must be used once only. A line exceeds the multiple of the
+    local median that white noise with the same gaps exceeds with the probability :data:`CHANCE`.
     """
     from scipy.fft import rfft
 
@@ -120,7 +120,7 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 1.0 / SHORTEST)
     if kept.sum() < 2 * NEAREST:
         return None
-    # Without the memory of weather, so that the spectrum is level about a line.
+    # Remove the memory of weather, so that the spectrum is flat about a line.
     both = (counts[1:] > 0) & (counts[:-1] > 0)
     y = np.where(counts > 0, means - means[counts > 0].mean(), 0.0)
     kept_on = float((y[1:] * y[:-1])[both].sum() / max((y[:-1][both] ** 2).sum(), 1e-300))
@@ -140,20 +140,20 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
         if (ratio[near] > limit).any():
             best = int(np.argmax(np.where(near, ratio, 0.0)))
     low, top, high = np.log(powers[0][np.clip([best - 1, best, best + 1], 0, len(frequency) - 1)])
-    between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # the top of a parabola, as of a line
+    between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # vertex of a parabola through the line
     period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * BIN)))
     return Rhythm(period, period**2 / (2.0 * m * BIN), m * BIN / SHORTEST)
 
 
 def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
-    """Days (days, n) without their mean and of mean square 1, so that no single day dominates."""
+    """Return days (days, n) without their mean and with mean square 1, so that no single day dominates."""
     many = there.sum(1, keepdims=True)
     z = (r - (r * there).sum(1, keepdims=True) / many) * there
     return np.asarray(z / np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30)))
 
 
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
-    """Average periodogram of days (days, n) at the frequencies k / (2 n T_s), under a Hann window."""
+    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
     from scipy.fft import rfft
 
     n = r.shape[1]
@@ -164,7 +164,7 @@ def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
 
 
 def _local_median(power: NDArray[Any]) -> Floats:
-    """Running median over half to twice each frequency; power is (draws, m), evenly spaced."""
+    """Return the running median over half to twice each frequency; power is (draws, m), evenly spaced."""
     m = power.shape[1]
     at = np.unique(np.geomspace(1, m, KNOTS).astype(int)) - 1
     low = np.clip(np.minimum(at // 2, at - NEAREST), 0, None)

@@ -1,1 +1,1 @@
-"""The noise of a simulated reach: a state-space model, its Kalman filter, and its fit."""
+"""Noise of a simulated reach: a state-space model, its Kalman filter, and its fit."""

@@ -1,17 +1,17 @@
-"""The Kalman filter of one day's noise: its gains, innovations and likelihood.
+"""Kalman filter of one day's noise: gains, innovations, likelihood and smoothing.
 
-The state is (x, w, s): level error, unknown inflow, level-type noise. A sample reads z = x + s + e, and
+The state is (x, w, s): level error, unknown inflow, level-type noise. A reading is z = x + s + e, and
 
     x_{k+1} = x_k + c w_k + v_k,    w_{k+1} = phi w_k + ...,    s_{k+1} = psi s_k + ...,
 
-w and s stationary from the first sample on. The variance of v is that of the walk and, as large as the flows
-have just moved, that of the response's misfit; a river reach has no x, and s takes the misfit. x starts
-diffuse, exactly: the first sample that is there sets x = z - s - e, counts nothing, and its innovation is 0
-(Durbin and Koopman, Time series analysis by state space methods, ch. 5).
+with w and s stationary from the first sample on. The variance of v is that of the walk plus the response's
+misfit times the activity of the flows; a river reach has no x, and s has the misfit. x has an exact diffuse
+start: the first sample present sets x = z - s - e, does not count, and has the innovation 0 (Durbin and
+Koopman, Time series analysis by state space methods, ch. 5).
 
-A sample depends on the one before it, a day on no other. So the innermost loops of all that is compiled here
-go over days or columns. Arrays that they go along have a row for each sample: (n, days). Importing this
-module loads numba.
+A sample depends on the one before it; days are independent. The innermost loops of all compiled functions
+here therefore run over days or columns. Arrays along which they run have a row for each sample: (n, days).
+Importing this module loads numba.
 """
 
 from typing import NamedTuple
@@ -25,10 +25,10 @@ from rivid.types import Bools, Floats
 
 
 class System(NamedTuple):
-    """The matrices' entries: c [s/m2], memories phi and psi a sample, variances of v, w, s and e.
+    """Entries of the matrices: c [s/m2], memories phi and psi per sample, variances of v, w, s and e.
 
-    `misfit` is the variance of v over the activity of the flows; `diffuse`: whether x is unknown at the
-    start.
+    `misfit` is the variance of v per unit of the activity of the flows; `diffuse` is whether x is unknown at
+    the start.
     """
 
     c: float
@@ -43,7 +43,7 @@ class System(NamedTuple):
 
 
 def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
-    """A residual (days, n) with zeros where a sample is missing (NaN), and which samples are present."""
+    """Return a residual (days, n) with zeros for missing samples (NaN), and which samples are present."""
     z = np.asarray(residual, float)
     if z.ndim != 2 or z.size == 0:
         raise RividError(f"residual has shape {z.shape}: expected (days, n)")
@@ -56,7 +56,7 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 
 @njit(cache=True, error_model="numpy")
 def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
-    """Gains of each day; `there` (n, days) is true where a sample is present, `activity` (n, days) [m2].
+    """Compute the gains of each day; `there` (n, days) marks samples present, `activity` (n, days) [m2].
 
     Returns
     -------
@@ -112,11 +112,11 @@ FACTORS = 8
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"}, nogil=True)
 def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: bool) -> Floats:
-    """Log-likelihood of each system and day, shape (q, days), without the sample that sets a day's start.
+    """Compute the log-likelihood of each system and day (q, days), without the sample that sets x.
 
-    `values` (n, days) is NaN where a sample is missing; `systems` has the shape (q, 8): the first eight
-    numbers of a :class:`System` each. Gains and states go together through one loop over the days, which
-    compiles to vector instructions: nothing is stored for each sample.
+    `values` (n, days) is NaN where a sample is missing; `systems` (q, 8) has the first eight fields of a
+    :class:`System` in each row. Gains and states are computed in one loop over the days, which compiles to
+    vector instructions: nothing is stored for each sample.
     """
     n, days = values.shape
     out = np.empty((len(systems), days))
@@ -170,10 +170,10 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> tuple[Floats, bool]:
-    """Innovations over their standard deviation, 0 where a sample is missing or only sets the start.
+    """Compute innovations over their standard deviation, 0 where a sample is missing or only sets the start.
 
-    `columns` (p, days, n) may hold anything where a sample is missing; `there` and `activity` (n, days). Also
-    whether all samples that are present are finite.
+    `columns` (p, days, n) may have any value where a sample is missing; `there` and `activity` are (n, days).
+    Also returns whether all samples present are finite.
     """
     p, days, n = columns.shape
     K, S, _ = gains(there, activity, m, False)
@@ -185,7 +185,7 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
         for k in range(n):
             K0[k], K1[k], K2[k], here[k] = K[0, k, d], K[1, k, d], K[2, k, d], there[k, d]
             root[k] = 1.0 / np.sqrt(S[k, d]) if S[k, d] > 0.0 else 0.0
-        for a in range(0, p, 4):  # four columns at once, the last one as often as it takes
+        for a in range(0, p, 4):  # four columns at once, the last one repeated
             i1, i2, i3 = min(a + 1, p - 1), min(a + 2, p - 1), min(a + 3, p - 1)
             z0, z1, z2, z3 = columns[a, d], columns[i1, d], columns[i2, d], columns[i3, d]
             o0, o1, o2, o3 = out[a, d], out[i1, d], out[i2, d], out[i3, d]
@@ -200,7 +200,7 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
                 o2[k] = v * size
                 v, x3, w3, s3 = _step(z3[k] if is_there else 0.0, x3, w3, s3, g0, g1, g2, c, phi, psi)
                 o3[k] = v * size
-            finite = finite and np.isfinite(x0 + x1 + x2 + x3)  # what is not never leaves x again
+            finite = finite and np.isfinite(x0 + x1 + x2 + x3)  # a non-finite value stays in x
     return out, finite
 
 
@@ -208,7 +208,7 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
 def _step(
     z: float, x: float, w: float, s: float, g0: float, g1: float, g2: float, c: float, phi: float, psi: float
 ) -> tuple[float, float, float, float]:
-    """The innovation of a sample, and what is expected of x, w and s at the next one."""
+    """Return the innovation of a sample, and the predicted x, w and s of the next one."""
     v = z - x - s
     flow = w + g1 * v
     return v, x + (g0 * v + c * flow), flow * phi, psi * (s + g2 * v)
@@ -216,9 +216,9 @@ def _step(
 
 @njit(cache=True, error_model="numpy")
 def filtered(Z: Floats, K: Floats, m: System) -> tuple[Floats, Floats]:
-    """Filtered states (days, n, 3) and innovations (days, n) [m or m3/s].
+    """Compute filtered states (days, n, 3) and innovations (days, n) [m or m3/s].
 
-    `Z` (days, n) has 0 where a sample is missing; `K` as of :func:`gains`.
+    `Z` (days, n) is 0 where a sample is missing; `K` is from :func:`gains`.
     """
     days, n = Z.shape
     states, v = np.empty((days, n, 3)), np.empty((days, n))
@@ -240,12 +240,12 @@ def filtered(Z: Floats, K: Floats, m: System) -> tuple[Floats, Floats]:
 def smoothed(
     states: Floats, v: Floats, there: Bools, K: Floats, S: Floats, P: Floats, m: System
 ) -> tuple[Floats, Floats]:
-    """States given the whole day (days, n, 3), and the variances of each (days, n, 3).
+    """Compute states given the whole day (days, n, 3), and their variances (days, n, 3).
 
-    The Rauch-Tung-Striebel smoother in the form that inverts no covariance: with r and N gathered backwards
-    from the innovations, the mean is the filtered one + P F' r and the covariance P - P F' N F P. Before
-    the first sample x is as unknown as its start, and only the memories of w and s run backwards; the
-    variance of x is not followed there (NaN). Arguments as of :func:`filtered` and from :func:`gains`.
+    This is the Rauch-Tung-Striebel smoother in the form that inverts no covariance: with r and N accumulated
+    backwards from the innovations, the mean is the filtered one + P F' r and the covariance P - P F' N F P.
+    Before the first sample x is as unknown as at its start, and only the memories of w and s run backwards;
+    the variance of x is not computed there (NaN). Arguments as of :func:`filtered` and from :func:`gains`.
     """
     days, n = v.shape
     mean, variance = np.empty((days, n, 3)), np.empty((days, n, 3))
@@ -263,7 +263,7 @@ def smoothed(
 def _means(
     mean: Floats, states: Floats, v: Floats, first: int, K: Floats, S: Floats, P: Floats, m: System
 ) -> None:
-    """States of one day (n, 3) given all of it."""
+    """Write the states of one day (n, 3) given all of it."""
     n = len(v)
     if first == n:
         mean[:, 0], mean[:, 1], mean[:, 2] = np.nan, 0.0, 0.0
@@ -286,7 +286,7 @@ def _means(
 
 @njit(cache=True, error_model="numpy")
 def _variances(out: Floats, first: int, K: Floats, S: Floats, P: Floats, m: System) -> None:
-    """Their variances (n, 3), which depend on the gaps alone."""
+    """Write the variances of these states (n, 3), which depend on the gaps alone."""
     n = len(S)
     if first == n:
         out[:, 0], out[:, 1], out[:, 2] = np.nan, m.inflow, m.level

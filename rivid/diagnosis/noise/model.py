@@ -1,15 +1,15 @@
-"""The noise of a simulated reach: unknown inflow, random walk, gauge noise and wind, day by day; its fit.
+"""Noise of a simulated reach: unknown inflow, random walk, gauge noise and wind, day by day; its fit.
 
-The residual is z = measured level - simulated level. Each day is a fresh start, and at sample k
+The residual is z = measured level - simulated level. Each day starts anew, and at sample k
 
     z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
 
 w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
-level error, e white gauge noise; x_0 is unknown. No response is exact: the variance of v is walk_sd^2 +
-misfit^2 a_k, where the activity a_k [m2] is what the flows have just changed the level's rate by (see
-:func:`rivid.diagnosis.data.activity`). For a river reach, with a discharge as output, there is no
-A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so that a
-constant inflow remains to be found. The fit starts from several models: one start can end in a local optimum.
+level error, e white gauge noise; x_0 is unknown. The error of the response is part of v, which has the
+variance walk_sd^2 + misfit^2 a_k. The activity a_k [m2] is the square of the recent change of the level's
+rate by the flows (:func:`rivid.diagnosis.data.activity`). A river reach, with a discharge as output, has no
+A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow at the lower end. Its mean is 0, so that a
+constant inflow is not absorbed. The fit starts from several models: one start can end in a local optimum.
 """
 
 from collections.abc import Mapping
@@ -28,45 +28,44 @@ if TYPE_CHECKING:
 
 
 class Smoothed(NamedTuple):
-    """Estimates of the hidden parts from whole days; arrays of shape (days, n)."""
+    """Estimates of the hidden states from whole days; arrays of shape (days, n)."""
 
-    inflow: Floats  # the unknown inflow w and its standard deviation [m3/s]; of a river reach, s
+    inflow: Floats  # unknown inflow w and its standard deviation [m3/s]; s for a river reach
     inflow_sd: Floats
-    # The level error x [m], without gauge noise and wind; NaN on a day without samples. Of a river reach, s
-    # [m3/s].
+    # Level error x [m], without gauge noise and wind; NaN on a day without samples. For a river, s [m3/s].
     level: Floats
-    wind: Floats  # the noise of the level s [m]; of a river reach, s [m3/s]
+    wind: Floats  # noise of the level s [m]; for a river reach [m3/s]
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """The noise of one reach: a filter that is linear and the same for every day with the same gaps.
+    """The noise of one reach: a linear filter, the same for all days with the same gaps.
 
     Attributes
     ----------
     gauge_sd : float
-        White gauge noise e [m]; of a river reach [m3/s].
+        White gauge noise e [m]; for a river reach [m3/s].
     walk_sd : float
-        Step of the random walk v [m per sample].
+        Standard deviation of the steps v of the random walk [m per sample].
     inflow_sd, inflow_memory : float
         Unknown inflow w: standard deviation [m3/s] and memory [s]; correlation exp(-t / memory).
     level_sd, level_memory : float
-        Noise of the level s: standard deviation [m] and memory [s]; of a river reach [m3/s].
+        Noise of the level s: standard deviation [m] and memory [s]; for a river reach [m3/s].
     sample_time : float
         T_s [s].
     surface_area : float or None
         A [m2]; None for a river reach.
     misfit : float
-        Error of the response over what the flows have just changed: of a front, by how many samples it is
-        early or late [-].
+        Error of the response over the recent change by the flows: number of samples by which a front is early
+        or late [-].
     recall : float
-        Share of an error of the level that is left after a sample, below 1 where what the reach loses grows
-        with its level: forecasts run on from their origin, while the residual is about the observed level.
+        Share of a level error that remains after a sample, below 1 if losses of the reach grow with its
+        level: forecasts run free from their origin, while the residual is about the observed level.
 
     Raises
     ------
     RividError
-        Where a value is out of range.
+        If a value is out of range.
     """
 
     gauge_sd: float
@@ -100,12 +99,12 @@ class NoiseModel:
     def whiten(
         self, columns: ArrayLike, like: ArrayLike | None = None, activity: ArrayLike | None = None
     ) -> Floats:
-        """Innovations over their standard deviations: white and of variance 1 if the columns are this noise.
+        """Return standardised innovations: white with variance 1 if the columns are this noise.
 
         The filter is the same linear one for all columns (..., days, n) [m]. A sample is missing where `like`
-        (days, n) is NaN, by default where any of the columns is. The activity of the flows (days, n) [m2] is
-        0 unless given. The result is 0 at missing samples and at each day's first one, which only sets the
-        start.
+        (days, n) is NaN; by default, where any of the columns is. The activity of the flows (days, n) [m2] is
+        0 by default. The result is 0 at missing samples and, for a pool, at the first one of each day, which
+        only sets x.
         """
         from rivid.diagnosis.noise.kalman import gather, innovations
 
@@ -127,9 +126,9 @@ class NoiseModel:
         return np.asarray(white).reshape(given.shape)
 
     def log_likelihood(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Floats:
-        """Log-likelihood of each day, shape (days,), of a residual (days, n) [m]; NaN is missing.
+        """Return the log-likelihood of each day (days,) of a residual (days, n) [m]; NaN is missing.
 
-        For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
+        For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
         """
         from rivid.diagnosis.noise.kalman import gather, log_likelihoods
 
@@ -142,19 +141,19 @@ class NoiseModel:
             )
             if np.isfinite(found).all():
                 return found
-        gather(z)  # refuses what is infinite, or of another shape
+        gather(z)  # raises if infinite or of another shape
         raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
 
     def forecast_errors(
         self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30,
         activity: ArrayLike | None = None,
     ) -> Floats:  # fmt: skip
-        """Residual at origin + horizon less its forecast from what is known at the origin [m].
+        """Return the residual at origin + horizon minus its forecast at the origin [m].
 
-        Rows of the residual (days, n) [m] may be longer than a day where days continue; NaN is missing. w and
-        s decay over the horizon [samples] by their memories. Origins are the samples first, first + every,
-        ... with a target in the row. Shape (days, origins); NaN where the target is missing, or no sample
-        precedes the origin.
+        Rows of the residual (days, n) [m] may be longer than a day if days are consecutive; NaN is missing. w
+        and s decay over the horizon [samples] with their memories. Origins are the samples first, first +
+        every, ... with a target in the row. Shape (days, origins); NaN where the target is missing, or for a
+        pool without a sample up to the origin.
         """
         from scipy.signal import lfilter
 
@@ -176,7 +175,7 @@ class NoiseModel:
         rise = m.c * w * (m.phi ** np.arange(horizon) * left[1:]).sum()
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
-        # Each rise of the residual falls back from its sample on; at the origin, but for the gauge's noise.
+        # Each rise of the residual decays from its sample on; gauge noise is subtracted at the origin.
         at = np.maximum.accumulate(np.where(there, np.arange(n), 0), axis=1)
         last = np.take_along_axis(values, at, axis=1)
         fell = lfilter([1.0], [1.0, -self.recall], np.diff(last, axis=1, prepend=0.0), axis=1)
@@ -185,7 +184,7 @@ class NoiseModel:
         return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
-        """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
+        """Estimate the hidden states from whole days of a residual (days, n) [m]; NaN is missing."""
         from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
 
         (values, there), m = gather(residual), self.system()
@@ -199,9 +198,9 @@ class NoiseModel:
         return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
 
     def ahead(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
-        """Expected residual, and the standard deviation of a reading about it, shape (days, n) [m].
+        """Return the expected residual and the standard deviation of a reading about it, shape (days, n) [m].
 
-        Of each sample by those before it that are there: after the last one they are forecasts.
+        Each sample is predicted from the samples present before it; after the last one these are forecasts.
         """
         from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
@@ -214,7 +213,7 @@ class NoiseModel:
     def simulate(
         self, days: int, n: int, rng: np.random.Generator, activity: ArrayLike | None = None
     ) -> Floats:
-        """Days of this noise, shape (days, n) [m], with x_0 = 0; of the activity (days, n), 0 by default."""
+        """Simulate days of this noise (days, n) [m] with x_0 = 0; the activity (days, n) is 0 by default."""
         from scipy.signal import lfilter
 
         m = self.system()
@@ -229,7 +228,7 @@ class NoiseModel:
         return x + memory(self.level_sd, m.psi) + rng.normal(0.0, self.gauge_sd, (days, n))
 
     def system(self) -> "System":
-        """Entries of the filter's matrices."""
+        """Return the entries of the filter's matrices."""
         from rivid.diagnosis.noise.kalman import System
 
         numbers = _numbers(**{f.name: getattr(self, f.name) for f in fields(self)})
@@ -238,7 +237,7 @@ class NoiseModel:
 
 
 def _moved(activity: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
-    """Activity as the filter takes it, shape (n, days); zeros where there is none."""
+    """Return the activity in the shape of the filter (n, days); zeros if it is None."""
     if activity is None:
         return np.zeros(shape[::-1])
     moved = np.asarray(activity, float)
@@ -251,7 +250,7 @@ def _numbers(
     sample_time: float, surface_area: float | None, inflow_memory: Any, level_memory: Any, walk_sd: Any,
     inflow_sd: Any, level_sd: Any, gauge_sd: Any, misfit: Any, recall: float = 1.0,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """The first eight numbers of a :class:`System`, each a number or an array."""
+    """Return the first eight fields of a :class:`System`, each a number or an array."""
     T, A = sample_time, surface_area
     return (
         0.0 if A is None else T / A, np.exp(-T / inflow_memory), np.exp(-T / level_memory), walk_sd**2,
@@ -268,7 +267,7 @@ MOST_MISFIT = 2.0
 
 
 class Limits(NamedTuple):
-    """A model with `free` fields between `low` and `high`; `scale` is a sample's usual change."""
+    """A model with `free` fields between `low` and `high`; `scale` is the usual change between samples."""
 
     model: NoiseModel
     free: tuple[str, ...]
@@ -277,11 +276,11 @@ class Limits(NamedTuple):
     scale: float
 
     def at(self, point: Floats) -> NoiseModel:
-        """The model at the logarithms of the free fields, shape (f,)."""
+        """Return the model at the logarithms of the free fields, shape (f,)."""
         return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
 
     def systems(self, points: Floats) -> Floats:
-        """Numbers of the filter at points (q, f), shape (q, 8)."""
+        """Return the filter's numbers at points (q, f), shape (q, 8)."""
         given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
         given |= dict(zip(self.free, np.exp(points).T, strict=True))
         out = np.empty((len(points), 8))
@@ -294,11 +293,11 @@ def limits_of(
     values: Floats, there: Bools, T: float, A: float | None, level: bool, gauge_floor: float, misfit: bool,
     within: Mapping[str, tuple[float, float]],
 ) -> Limits:  # fmt: skip
-    """Limits from the usual change of a sample; arguments as of the fit."""
+    """Return limits derived from the usual change between samples; arguments as for :func:`fit_noise`."""
     n = values.shape[1]
     both = there[:, 1:] & there[:, :-1]
     scale = float(np.sqrt(np.mean(np.diff(values, axis=1)[both] ** 2) / 2.0))
-    longest = 10.0 * n * T  # a longer memory is infinite within a day
+    longest = 10.0 * n * T  # a longer one is infinite within a day
     most_walk = min(10.0 * scale, WALK_LIMIT if level else np.inf)
     bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
     if A is not None:
@@ -322,7 +321,7 @@ def limits_of(
 
 
 def usual_starts(limits: Limits, level: bool) -> tuple[NoiseModel, ...]:
-    """Weak and lasting, strong and short, or hardly any unknown inflow; with and without wind."""
+    """Return starts with weak lasting, strong short or hardly any unknown inflow; with and without wind."""
     z, rest = limits.scale, limits.model
     T, A = rest.sample_time, rest.surface_area
     if A is None:
@@ -334,7 +333,7 @@ def usual_starts(limits: Limits, level: bool) -> tuple[NoiseModel, ...]:
     walk = replace(rest, gauge_sd=0.5 * z, walk_sd=0.3 * z, inflow_sd=0.01 * w, inflow_memory=600.0 * T)
     if not level:
         return weak, short, walk
-    return tuple(  # slow levels come from w or from s: the likelihood has a maximum for either
+    return tuple(  # slow changes of level are due to w or s: a likelihood maximum for either
         replace(start, walk_sd=walk * z, level_sd=size * z, level_memory=last * T)
         for start in (weak, short)
         for size, last in ((3.0, 80.0), (1.0, 10.0))
@@ -346,17 +345,17 @@ FEWEST_BLOCKS = 8
 """Fewest blocks for an estimate of the inflation."""
 
 KEPT = 0.75
-"""Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
+"""Share of squared differences, the smallest ones, used to estimate the inflation: excludes ends of dates."""
 
 KEPT_MEAN = 0.36852
-"""Mean of a chi-square variable of one degree below its 75 % quantile."""
+"""Mean of a chi-square variable with one degree of freedom below its 75 % quantile."""
 
 
 def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integer]) -> tuple[Floats, Floats]:
-    """Variance of blocks' scores over the nominal one, and the correlation of days within blocks.
+    """Estimate the variance of block scores over the nominal one, and the correlation of days within blocks.
 
-    From differences of means, of neighbouring blocks and of days within a block, without the largest quarter
-    of their squares: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
+    Squared differences of means are used, of neighbouring blocks and of days within a block, without the
+    largest quarter: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
     Arguments: score (draws, days), information (days,) and blocks (days,); returns two arrays (draws,).
     """
     used = information > 0.0
@@ -370,12 +369,12 @@ def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integ
     within = _squares(g, q, same)
     days = len(q) / len(first)
     rho = (inflation - within) / np.maximum(inflation + (days - 1.0) * within, 1e-300)
-    # Days of a block do not cancel each other: a smaller factor than that of days alone is chance.
+    # Days of a block are not negatively correlated: a factor below that of days is due to chance.
     return np.maximum(inflation, within), np.clip(rho, 0.0, 0.95)
 
 
 def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
-    """Variance of neighbours' means over the nominal one, from differences; g is (draws, k)."""
+    """Return the variance of neighbours' means over the nominal one, from differences; g is (draws, k)."""
     squares = np.diff(g / q, axis=1) ** 2 / (1.0 / q[1:] + 1.0 / q[:-1])
     if kept is not None:
         squares = squares[:, kept]
@@ -385,17 +384,17 @@ def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
 
 
 DAY_LIMIT = 1.3
-"""A day's mean square may be this many times the median's before the day loses weight."""
+"""Largest mean square of a day, over the median of the days, at which the day has full weight."""
 
 
 STEP = 1e-5
-"""Of the differences that give slopes, in logarithms: they are those half a step further on."""
+"""Step of the finite differences, in logarithms: slopes are those half a step ahead."""
 
 
 def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
-    """Weights of days, shape (days,): 1 for most, less for a day far noisier than the median.
+    """Return weights of days (days,): 1 for most, less for a day far noisier than the median.
 
-    min(1, limit x median / mean square) of whitened residuals (days, n), exact zeros being unused
+    min(1, limit x median / mean square) of whitened residuals (days, n), where exact zeros are unused
     samples; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)
@@ -420,32 +419,32 @@ def fit_noise(
     starts: tuple[NoiseModel, ...] = (),
     alone: bool = False,
 ) -> NoiseModel:
-    """The noise model of greatest likelihood, from several starts.
+    """Fit the noise model of greatest likelihood, from several starts.
 
-    With the unknown inflow alone, or from one start, the fit can end at "w is white", an optimum that hides
+    With the unknown inflow alone, or from one start, the fit can end at an optimum with white w, which hides
     every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete.
 
     Parameters
     ----------
     residual : array_like, shape (days, n)
-        [m], of a river reach [m3/s]; NaN is missing.
+        [m], for a river reach [m3/s]; NaN is missing.
     sample_time, surface_area : float
         T_s [s] and A [m2]; A is None for a river reach.
     weights : array_like, shape (days,), optional
-        Of each day's log-likelihood. Default: fit, weigh days by :func:`day_weights`, fit again.
+        Weights of the days' log-likelihoods. Default: fit, weigh days by :func:`day_weights`, fit again.
     level : bool
-        Whether a pool has the level-type noise s (a river reach always has).
+        Whether a pool has the level-type noise s (a river reach always has it).
     gauge_floor : float
         Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
     activity : array_like, shape (days, n), optional
-        Of the flows [m2]: the noise has a misfit then.
+        Activity of the flows [m2]; with it the noise has a misfit.
     within : mapping of str to (float, float)
-        Narrower limits of fields. With some for `level_sd` a pool has an s as well, which is small.
+        Narrower limits of fields. With limits of `level_sd` a pool has a small s as well.
     starts : tuple of NoiseModel
         Further starts.
     alone : bool
-        Start at `starts` only, and end after :data:`NEAR_STEPS` steps, or where one gains less than some 0.1
-        nats in 100,000 samples, not 1e-3: faster, where they are near.
+        Use `starts` only, and end after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats
+        in 100,000 samples instead of 1e-3: faster if the starts are near.
     """
     from rivid.diagnosis.noise.kalman import gather
 
@@ -470,27 +469,27 @@ def fit_noise(
 
 
 NEAR_STEPS = 8
-"""Steps from a start near by, after which the response is fitted again; and from each of several starts, of
-which those within :data:`CLOSE` of the best one go on."""
+"""Steps from a near start, after which the response is fitted again; also from each of several starts, of
+which those within :data:`CLOSE` of the best one are continued."""
 CLOSE = 20.0
-"""Log-likelihood by which a start may be behind and pass the best one [nats]: one that was 9 behind did."""
+"""Log-likelihood by which a start may be behind and still win [nats]: one that was 9 behind did."""
 LANES, FEWEST_LANES = 8, 24
-"""Days of a likelihood are filled up to a multiple of a vector's length, and to where the compiled loop has
-vectors at all: 13 days take 0.48 ms, and 24 take 0.22 ms."""
+"""The days of a likelihood are padded to a multiple of a vector's length, and to the smallest number for
+which the compiled loop uses vectors: 13 days take 0.48 ms, and 24 take 0.22 ms."""
 
 
 def _climb(
     values: Floats, there: Bools, moved: Floats, weights: Floats, starts: tuple[NoiseModel, ...],
     limits: Limits, near: bool,
 ) -> NoiseModel:  # fmt: skip
-    """The model of greatest likelihood from all starts, which are near or not."""
+    """Return the model of greatest likelihood from all starts; `near` as `alone` in :func:`fit_noise`."""
     from scipy.optimize import minimize
 
     from rivid.diagnosis.noise.kalman import log_likelihoods
 
     used = weights > 0.0
     samples = weights @ there.sum(1)
-    w = weights[used] / samples  # a mean a sample: one tolerance fits all
+    w = weights[used] / samples  # mean per sample: one tolerance fits all
     more = (0, max(-len(w) % LANES, FEWEST_LANES - len(w)))
     w = np.pad(w, more)
     z = np.pad(np.where(there, values, np.nan)[used], (more, (0, 0)), constant_values=np.nan)
@@ -499,7 +498,7 @@ def _climb(
     around = STEP * np.concatenate([np.zeros((1, len(limits.free))), np.eye(len(limits.free))])
 
     def cost(p: Floats) -> tuple[float, Floats]:
-        """Less the mean log-likelihood of a sample, and its slopes by differences."""
+        """Return minus the mean log-likelihood of a sample, and its slopes by finite differences."""
         days = log_likelihoods(z, moved, limits.systems(p + around), diffuse)
         at, *near = -(days @ w)
         return float(at), (np.array(near) - at) / STEP

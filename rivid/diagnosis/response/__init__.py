@@ -1,1 +1,1 @@
-"""What a calibrated reach does to the logged flows: several descriptions, and which is rich enough."""
+"""Responses of a calibrated reach to the logged flows: several models, from linear to Saint-Venant."""

@@ -1,8 +1,8 @@
-"""A calibrated reach response: its free parameters, its output for the logs, and the flows behind the logs.
+"""Reach response to be calibrated: its free parameters, its output for the logs, and the real flows.
 
-An effect is sought in the difference of two outputs, so an output must not drift away from the measurement:
-a volume error of one hour would stay for ever. :meth:`Response.baseline` is therefore linearised about the
-observed course, while :meth:`Response.simulate` runs free.
+Effects are sought in the difference of two outputs, so an output must not drift away from the measurement: a
+volume error of one hour would persist. :meth:`Response.baseline` is therefore linearised about the observed
+output, while :meth:`Response.simulate` runs free.
 """
 
 import math
@@ -33,18 +33,18 @@ from rivid.reach.gate import (
 from rivid.types import Floats
 
 STEP = 0.03
-"""Steps of differences, in prior standard deviations: in one season a tenth changed single columns by up to
-3 %, a thirtieth by less than 1 %. The number of time steps must not change on the way."""
+"""Steps of finite differences, in prior standard deviations: in one season 0.1 changed single columns by up
+to 3 %, 0.03 by less than 1 %. The number of time steps must not change with a step."""
 START_SAMPLES = 5
-"""Readings; their mean starts a row."""
+"""Number of readings averaged for the initial level of a row."""
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A number that the calibration may move; all but `name` and `unit` on the scale that it moves on."""
+    """A parameter to be calibrated; all numbers are on its (linear or logarithmic) scale."""
 
-    name: str  # the unit is that of :attr:`natural`
-    unit: str
+    name: str
+    unit: str  # of :attr:`natural`
     value: float  # its logarithm where `log`, else itself
     mean: float  # gaussian prior
     sd: float
@@ -54,7 +54,7 @@ class FreeParameter:
 
     @classmethod
     def positive(cls, name: str, unit: str, nominal: float, sd: float, reach: float = 4.0) -> "FreeParameter":
-        """A positive number, known to a share of `sd`, with limits `reach` of these away."""
+        """Return a positive parameter, known to a share of `sd`, with limits `reach` times `sd` away."""
         if not nominal > 0.0 or not math.isfinite(nominal):
             raise RividError(f"{name} = {nominal} {unit}: expected a positive number")
         at = math.log(nominal)
@@ -62,20 +62,20 @@ class FreeParameter:
 
     @property
     def natural(self) -> float:
-        """The value in its unit."""
+        """The value in the parameter's unit."""
         return self.to_natural(self.value)
 
     def to_natural(self, value: float) -> float:
-        """A number of this scale in the parameter's unit."""
+        """Convert a number on this scale to the parameter's unit."""
         return math.exp(value) if self.log else value
 
     def at(self, value: float) -> "FreeParameter":
-        """The same parameter elsewhere, inside its limits."""
+        """Return the parameter at another value, clipped to its limits."""
         return replace(self, value=min(max(float(value), self.low), self.high))
 
 
 def gauge_lag() -> FreeParameter:
-    """Time constant of the gauge's stilling well; most have none, or one of up to two minutes for waves."""
+    """Return the time constant of the gauge's stilling well: 0 for most, up to two minutes against waves."""
     return FreeParameter("gauge_lag", "s", 0.0, 0.0, 60.0, 0.0, 300.0)
 
 
@@ -102,29 +102,29 @@ class Response(Protocol):
     def surface_area(self) -> float | None: ...
 
     def with_parameters(self, vector: ArrayLike) -> Self:
-        """The same model with other values, shape (p,), on the parameters' scale; limits hold."""
+        """Return the model at other values (p,) on the parameters' scale, clipped to the limits."""
         ...
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Output for the logs, linearised about the observed course, shape (days, n) [m or m3/s]."""
+        """Return the output, linearised about the observed output, shape (days, n) [m or m3/s]."""
         ...
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Output for the logs, free from each row's start, shape (days, n) [m or m3/s]."""
+        """Return the output, running free from each row's start, shape (days, n) [m or m3/s]."""
         ...
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
-        """Derivatives of :meth:`baseline`, of which `base` is the value, shape (p, days, n)."""
+        """Return the derivatives of :meth:`baseline`, of which `base` is the value, shape (p, days, n)."""
         ...
 
 
 def vector_of(response: Response) -> Floats:
-    """Values of the free parameters on their scale, shape (p,)."""
+    """Return the values of the free parameters on their scale, shape (p,)."""
     return np.array([parameter.value for parameter in response.parameters])
 
 
 def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[FreeParameter, ...]:
-    """Parameters at other values, shape (p,)."""
+    """Return the parameters at other values, shape (p,)."""
     values = np.asarray(vector, float)
     if values.shape != (len(parameters),) or not np.isfinite(values).all():
         raise RividError(
@@ -137,9 +137,9 @@ def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[Fr
 def slopes_by_differences(
     response: Response, record: Record, base: Floats, changes: Changes, which: range
 ) -> Floats:
-    """Derivatives of the baseline by one run each, into the limits; shape (len(which), days, n).
+    """Compute derivatives of the baseline by one run each, within the limits; shape (len(which), days, n).
 
-    At the edge of what the reach carries they are those of the other side.
+    If the reach cannot carry the flows after a step, the step is taken in the other direction.
     """
     columns = np.empty((len(which), *base.shape))
     start = vector_of(response)
@@ -164,10 +164,10 @@ def sensitivities(
     slopes: Floats | None = None,
     base: Floats | None = None,
 ) -> Floats:
-    """Derivatives of the baseline, and its change with each candidate, (p + len(candidates), days, n).
+    """Compute derivatives of the baseline, and its change with candidates, (p + len(candidates), days, n).
 
-    A candidate is all that the reach then has, `changes` included; `slopes` (p, days, n) and `base` (days, n)
-    are given where they are known. Memory is that of the result and of one run.
+    Each candidate is the complete set of changes, `changes` included; `slopes` (p, days, n) and `base` (days,
+    n) may be given if known. The memory needed is that of the result and of one run.
     """
     if slopes is not None and not candidates:
         return np.asarray(slopes, float)
@@ -180,7 +180,7 @@ def sensitivities(
 
 
 def start_level(output: Floats, otherwise: float) -> Floats:
-    """Mean of each row's first readings, shape (days,); another level where a row has none."""
+    """Return the mean of each row's first readings (days,), or `otherwise` if a row has none."""
     levels = np.full(len(output), otherwise)
     for day, row in enumerate(output):
         finite = row[np.isfinite(row)]
@@ -190,7 +190,7 @@ def start_level(output: Floats, otherwise: float) -> Floats:
 
 
 def gauge_of(record: Record, changes: Changes) -> Floats:
-    """Reading of the gauge less the water level, shape (days, n)."""
+    """Return the reading of the gauge minus the water level, shape (days, n)."""
     try:
         return np.broadcast_to(np.asarray(changes.gauge, float), record.time.shape)
     except ValueError:
@@ -200,7 +200,7 @@ def gauge_of(record: Record, changes: Changes) -> Floats:
 
 
 def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
-    """A nudged level (days, n) [m] less the volume of the nudge (days, n) [m/s], times in [s]."""
+    """Return a nudged level (days, n) [m] minus the volume of the nudge (days, n) [m/s]; times in [s]."""
     free = level.copy()
     free[:, 1:] -= np.cumsum(nudge[:, :-1] * np.diff(time, axis=1), axis=1)
     return free
@@ -208,18 +208,18 @@ def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RealFlows:
-    """The real flows, after all changes of the logged ones."""
+    """The real flows, after all changes to the logged ones."""
 
-    inflow: Floats  # (days, n): through the dams, means of the samples [m3/s]
+    inflow: Floats  # (days, n): through the dams, mean of each sample [m3/s]
     outflow: Floats
-    added: tuple[AddedFlow, ...]  # further flows; those lost to leaks and ponds are negative
+    added: tuple[AddedFlow, ...]  # further flows; losses to leaks and ponds are negative
     storage: Floats  # (days, n): water surface over the usual one [-]
-    gauge: Floats  # (days, n): reading of the gauge less the water level
-    well: Floats  # time constant of its stilling well beside the usual one [s]
+    gauge: Floats  # (days, n): reading of the gauge minus the water level
+    well: Floats  # time constant of its stilling well, added to the usual one [s]
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
-    """The real flows of a record; a river reach takes no changes of a level, an outflow or a volume."""
+    """Return the real flows; raise RividError for changes of level, outflow or volume in a river reach."""
     shape = record.time.shape
     inflow = record.inflow if changes.inflow is None else on_grid("the real inflow", changes.inflow, shape)
     added = tuple(AddedFlow(part.place, on_grid("an added flow", part.flow, shape)) for part in changes.added)
@@ -258,20 +258,20 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
 
 
 def lagged(values: Floats, lag: int) -> Floats:
-    """Values some samples before; a row's first holds before it."""
+    """Return the values `lag` samples earlier; the first value of a row is repeated at its start."""
     if lag == 0:
         return values
     return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
 
 
 def leaky(flow: Floats, sample_time: float, memory: float) -> Floats:
-    """Leaky mean of a flow over a memory [s], from the row's first value."""
+    """Return the leaky mean of a flow over a memory [s], starting at the row's first value."""
     keep = math.exp(-sample_time / memory)
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], flow, axis=1, zi=keep * flow[:, :1])[0])
 
 
 def cut(changes: Changes, shape: tuple[int, int], part: Any) -> Changes:
-    """Changes on a part of the grid: `part` is an index of it that keeps whole rows or samples."""
+    """Return changes on a part of the grid: `part` is an index that keeps whole rows or samples."""
 
     def of(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -286,7 +286,7 @@ def cut(changes: Changes, shape: tuple[int, int], part: Any) -> Changes:
 
 
 def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
-    """An output without gaps, straight lines across them, shape (days, n); `otherwise` on an empty row."""
+    """Interpolate gaps of an output linearly, shape (days, n); an empty row is filled with `otherwise`."""
     whole = output.copy()
     for row, at in zip(whole, time, strict=True):
         there = np.isfinite(row)
@@ -295,7 +295,7 @@ def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
 
 
 def mean_before(time: Floats, passed: Floats) -> Floats:
-    """Mean flow of the interval that ends at each sample, from a volume; the first repeats the second."""
+    """Return the mean flow of the interval before each sample from a volume; the first repeats the second."""
     means = np.diff(passed, axis=1) / np.diff(time, axis=1)
     return np.concatenate([means[:, :1], means], axis=1)
 
@@ -316,7 +316,7 @@ TRIAL = 1.0
 
 
 def step_response(response: Response, record: Record, place: float) -> Floats:
-    """Change of the output (n,) after 1 m3/s more enters at a place, about the usual flow [m per m3/s, or -].
+    """Return the change of the output (n,) after 1 m3/s more enters, at the usual flow [m per m3/s, or -].
 
     `place` is 0 at the upstream dam, 1 at the downstream one.
     """
@@ -328,14 +328,14 @@ def step_response(response: Response, record: Record, place: float) -> Floats:
         outflow=steady if record.kind == "pool" else np.zeros((1, n + 1)),
         output=np.full((1, n + 1), level), used=np.ones((1, n + 1), bool),
     )  # fmt: skip
-    later = np.concatenate([[0.0], np.full(n, TRIAL)])[None]  # the start is steady without it
+    later = np.concatenate([[0.0], np.full(n, TRIAL)])[None]  # the initial state is steady without it
     more = Changes(added=(AddedFlow(place, later),))
     answer = response.simulate(still, more) - response.simulate(still, Changes())
     return np.asarray(answer[0, 1:] / TRIAL)
 
 
 def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
-    """Step responses: an inflow at the upper dam and in the middle, a release at the lower dam."""
+    """Return step responses to inflows at the upper dam and in the middle, and a release at the lower dam."""
     return {
         "up": step_response(response, record, 0.0),
         "middle": step_response(response, record, 0.5),
@@ -343,13 +343,13 @@ def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
     }
 
 
-# Compiled: the gate's position depends on the sample before.
+# Compiled: the gate's position depends on the previous sample.
 @njit(cache=True, error_model="numpy")
 def follow(
     steps: Floats, command: Floats, level: Floats, gate: GateArrays, exchange: Floats, area: Floats,
     outflow: Floats, into: Floats,
 ) -> None:  # fmt: skip
-    """Write the gate's real flow (days, n) and what flows into each pond (ponds, days, n) [m3/s]."""
+    """Write the gate's real flow (days, n) and the flow into each pond (ponds, days, n) [m3/s]."""
     days, n = command.shape
     ponds = len(area)
     state, height = np.empty(GATE), np.empty(ponds)

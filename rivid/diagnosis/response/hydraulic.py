@@ -1,4 +1,4 @@
-"""A pool as the Saint-Venant equations in a smooth channel with a few calibrated numbers."""
+"""A pool modelled by the Saint-Venant equations in a smooth channel with a few calibrated parameters."""
 
 import math
 from collections.abc import Callable
@@ -31,9 +31,9 @@ Run = Callable[[Record, Changes], Floats]
 
 
 def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
-    """All rows of a run (days, n), each until the water cannot follow the logs and NaN from there on.
+    """Return all rows of a run (days, n), each NaN from where the channel cannot carry the logged flows.
 
-    `run` maps record and changes to an output (days, n); it raises RividError where any row fails.
+    `run` maps record and changes to an output (days, n); it raises RividError if any row fails.
     """
     try:
         return run(record, changes)
@@ -43,7 +43,7 @@ def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
     output = np.full(shape, np.nan)
     for row in range(record.days):
         done, failed = 0, shape[1] + 1
-        end = failed - 1  # most rows go all the way
+        end = failed - 1  # most rows run to their end
         while failed - done > 1:
             part = np.s_[row : row + 1, :end]
             few = replace(
@@ -61,33 +61,33 @@ def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
 
 SHAPE = ("length", "width", "depth", "fall", "manning", "bank", "gate_time")
 BANKS = 1.0, 1.0, 4.0
-"""Run of the banks for each metre up, its uncertainty and limit [-]: walls to meadows."""
+"""Horizontal run of the banks per metre up, its prior sd and its limit [-]: walls to meadows."""
 CELLS = 32
-"""Of a channel. In five of eight pools with nothing missing, of T_s 65 to 305 s, 48 cells made this 112 to
-1,900 nats likelier than 24 did, for which a delay that follows the flow then stood; 32 take 43 to 82 % of
-that in 1.25 times the time of 24 (48: twice)."""
+"""Cells of a channel. In five of eight pools with nothing missing, of T_s 65 to 305 s, 48 cells were 112 to
+1,900 nats likelier than 24, where a delay that follows the flow compensated for the difference; 32 cells gain
+43 to 82 % of that in 1.25 times the time of 24 (48: twice)."""
 FALL = 0.15
-"""Fall of the bed of a pool, first guess, in depths: its uncertainty is more."""
+"""Initial fall of the bed of a pool, in depths; its uncertainty is larger."""
 HEADROOM = 1.15
-"""Wave speed for which the time steps are set, over that of the usual state: as a depth of 2 sd more, 1.3
-times, makes it. With the headroom of the solver itself waves up to 1.4 times as fast change no step."""
+"""Wave speed for which time steps are set, over that of the usual state: a depth 2 sd larger gives 1.3 times.
+With the solver's own headroom waves up to 1.4 times as fast do not change the steps."""
 NARROWEST = 0.1
 """Least width of the bed over that of the surface."""
 MODES = 6
-"""Of width and bed. With three, nothing missing was 700 nats less likely in a channel with seven uneven
-places, its geometry was at the limits, and a leak stood for what bent it."""
+"""Modes of width and bed. With three, a channel with seven uneven places was 700 nats less likely with
+nothing missing, its geometry was at the limits, and a leak compensated for this."""
 GATE_LAGS = (1, 2, 3)
-"""Lags of the outflow that may be corrected [samples]: what the last cell and the gate make of a step."""
+"""Lags of the outflow that may be corrected [samples]: response of the last cell and the gate to a step."""
 ARRIVAL_LAGS = (-1, 0, 1, 2, 3)
-"""Lags of the inflow that may be corrected, about the delay d [samples]: the shape of the first front."""
+"""Lags of the inflow that may be corrected, about the delay d [samples]: shape of the first front."""
 CORRECTION_SD, CORRECTION_LIMIT = 0.75, 3.0
-"""Prior and limit of a correction, in T_s / A [m per m3/s]. More would swallow an outflow lag."""
+"""Prior sd and limit of a correction, in T_s / A [m per m3/s]. More would absorb an outflow lag."""
 LAG_STEP = 0.5
-"""Of the gauge's lag, for its derivative [s]: short beside the shortest samples."""
+"""Step of the gauge's lag for its derivative [s]: short compared with the shortest samples."""
 
 
 def bed_width(width: float, bank: float, depth: float) -> float:
-    """Width of the bed [m] of a channel of a mean width of the surface and a mean depth."""
+    """Return the bed width [m] of a channel with a mean surface width and a mean depth."""
     return max(width - 2.0 * bank * depth, NARROWEST * width)
 
 
@@ -97,34 +97,34 @@ class HydraulicResponse:
 
     ``h(t) = level of the channel + sum_l a_l u_Qo[k - l] + sum_l b_l u_Qi[k - l]``
 
-    The corrections are small by their prior: without them what a smooth channel lacks of a real one comes
-    out as a lag of the gate.
+    The corrections are small by their prior: without them the difference of a smooth channel from a real one
+    would appear as a lag of the gate.
 
     Attributes
     ----------
     parameters : tuple of FreeParameter
         Logarithms of length, width, mean depth at the usual level and Manning's n; the fall of the bed [m],
-        plain since it may be 0; the run of the banks; the logarithm of the time of the gates; modes of the
+        linear since it may be 0; the run of the banks; the logarithm of the time of the gates; modes of the
         width and of the bed; corrections; the lag of the gauge behind h.
     level, flow : float
-        Usual level at the dam [m] and discharge [m3/s]: the nudge lifts the cells as a higher level at the
-        dam does on the usual flow.
+        Usual level at the dam [m] and discharge [m3/s]: the nudge raises the cells as a higher level at the
+        dam does at the usual flow.
     cells : int
-        Cells of the channel.
+        Number of cells of the channel.
     pace : float
         Wave speed over length [1/s] for which the time steps are set: that of the nominal channel, so that
         the output is smooth in the parameters. 0: that of each day's start.
     width_modes, bed_modes : int
-        How many modes.
+        Numbers of modes.
     outflow_lags, inflow_lags : tuple of int
         Lags of the corrections [samples].
 
     Notes
     -----
-    Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"), undone
-    in the result. It lifts the cells as the level at the dam does in a steady state: the water stays in
-    balance, and a lasting flow moves the baseline as it would move an open loop. With the same lift in all
-    cells the water upstream came down to the dam within hours, as if through a leak.
+    Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"),
+    subtracted from the result. It raises the cells as the level at the dam does in a steady state: the water
+    stays in balance, and a constant flow moves the baseline as it would move an open loop. With the same rise
+    in all cells the water upstream flowed to the dam within hours, as if through a leak.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -155,7 +155,7 @@ class HydraulicResponse:
         corrections: bool = True,
         cells: int = CELLS,
     ) -> "HydraulicResponse":
-        """From the configured geometry.
+        """Return a response from the configured geometry.
 
         Parameters
         ----------
@@ -164,9 +164,9 @@ class HydraulicResponse:
         level : float
             Usual level at the dam [m].
         sample_time, flow : float
-            T_s [s] and usual discharge [m3/s]: for the size and place of the corrections.
+            T_s [s] and usual discharge [m3/s], for the size and lags of the corrections.
         slope : float, optional
-            Of the bed [-]; default: a fall of :data:`FALL` depths over the reach.
+            Slope of the bed [-]; default: a fall of :data:`FALL` depths over the reach.
         manning : float
             Manning's n [s/m^(1/3)].
         width_modes, bed_modes : int
@@ -174,7 +174,7 @@ class HydraulicResponse:
         corrections : bool
             Whether the first lags of the outflow and those about the inflow's arrival are corrected.
         cells : int
-            Cells of the channel.
+            Number of cells of the channel.
         """
         if slope is not None and not 0.0 <= slope * length <= 2.0 * depth:
             raise RividError(
@@ -193,7 +193,7 @@ class HydraulicResponse:
         ]
         for j in range(1, width_modes + 1):
             shape.append(FreeParameter(f"width_mode_{j}", "-", 0.0, 0.0, 0.15, -0.5, 0.5))
-        for j in range(2, bed_modes + 1):  # the first is nearly the fall
+        for j in range(2, bed_modes + 1):  # the first resembles the fall
             name = f"bed_mode_{j}"
             shape.append(FreeParameter(name, "m", 0.0, 0.0, 0.08 * depth, -0.25 * depth, 0.25 * depth))
         made = cls(
@@ -213,7 +213,7 @@ class HydraulicResponse:
 
     @property
     def surface_area(self) -> float:
-        """Volume for each metre of the usual level [m2]: less than the water surface, as a reach slopes."""
+        """Volume per metre of the usual level [m2]: less than the water surface of a sloping reach."""
         return self._lift[1]
 
     @cached_property
@@ -232,11 +232,11 @@ class HydraulicResponse:
         )  # fmt: skip
 
     def with_parameters(self, vector: ArrayLike) -> "HydraulicResponse":
-        """The same channel with other values; see :class:`rivid.diagnosis.response.base.Response`."""
+        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
     def carried(self, record: Record) -> Bools:
-        """Days with flows that the channel carries, steeper and shallower by an sd too; shape (days,)."""
+        """Return days with flows that the channel carries, even 1 sd steeper and shallower; shape (days,)."""
         steep = vector_of(self)
         for name, way in (("depth", -1.0), ("fall", 1.0)):
             i = SHAPE.index(name)
@@ -247,13 +247,13 @@ class HydraulicResponse:
         return able
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Level [m] about the observed course, shape (days, n)."""
+        """Return the level [m], linearised about the observed level, shape (days, n)."""
         return self._read(record, changes, nudged=True)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Level [m] of rows that run free from their first readings, shape (days, n).
+        """Return the level [m] of rows that run free from their first readings, shape (days, n).
 
-        NaN from where a row cannot follow the logs: without the missing water an open loop can run dry.
+        NaN from where a row cannot carry the logged flows: without the missing water it can run dry.
         """
         return as_far_as_it_goes(partial(self._read, nudged=False), record, changes)
 
@@ -263,7 +263,7 @@ class HydraulicResponse:
         return stilled(record.time, self._level(record, changes, flow), self._lag + changes.well) + gauge
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
-        """Derivatives of the baseline, shape (p, days, n): by runs for the channel, exact for the rest."""
+        """Return the derivatives of the baseline (p, days, n), by one run for each channel parameter."""
         shape = self._shape_count
         columns = np.empty((len(self.parameters), *base.shape))
         columns[:shape] = slopes_by_differences(self, record, base, changes, range(shape))
@@ -299,7 +299,7 @@ class HydraulicResponse:
         )  # fmt: skip
 
     def _level(self, record: Record, changes: Changes, flow: Flow) -> Floats:
-        """Water level of a run with the corrections, its nudge undone [m]."""
+        """Return the water level of a run with the corrections, its nudge subtracted [m]."""
         level = without_nudge(record.time, flow.level, flow.nudge)
         values = [p.value for p in self.parameters[self._shape_count : -1]]
         if any(values):
@@ -307,7 +307,7 @@ class HydraulicResponse:
         return level
 
     def _columns(self, record: Record, changes: Changes, outflow: Floats) -> Floats:
-        """Lagged flows less their first values, shape (corrections, days, n) [m3/s]."""
+        """Return lagged flows minus their first values, shape (corrections, days, n) [m3/s]."""
         inflow = record.inflow if changes.inflow is None else changes.inflow
         return np.stack(
             [lagged(outflow, lag) - outflow[:, :1] for lag in self.outflow_lags]

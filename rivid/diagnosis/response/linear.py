@@ -1,8 +1,8 @@
-"""Pools without a usable geometry: the integrator with a delay, alone or with FIRs on both flows.
+"""Pools without a usable geometry: integrator with delay, alone or with FIR filters on both flows.
 
-All are sums of the flows' volumes and of the flows themselves at lags, so what they give about the observed
-course is what they give at all. Their errors of volume grow without limit; the noise, with its unknown inflow
-and its random walk, takes that.
+The output is a linear sum of volumes and of lagged flows, so its linearisation about the observed output is
+exact. Its volume errors grow without limit; the noise, with its unknown inflow and its random walk, absorbs
+them.
 """
 
 import math
@@ -35,24 +35,24 @@ from rivid.types import Floats
 Fronts = Literal["none", "fir"]
 NAMES: dict[str, str] = {"none": "integrator-delay", "fir": "fir"}
 SLOW = 3600.0
-"""Memory of the slow flow on which coefficients depend [s]."""
+"""Memory of the slow flow on which the coefficients depend [s]."""
 COEFFICIENT_SD, COEFFICIENT_LIMIT = 5.0, 50.0
-"""Prior and limit of an FIR's coefficients, in T_s / A; fronts in a pool of Table I have 5 to 10."""
+"""Prior sd and limit of FIR coefficients, in T_s / A; fronts in a pool of Table I have 5 to 10."""
 SHARE_SD = 0.3
-"""How well the share of the water's speed is known, as a share: the depth is known to some 15 percent."""
+"""Relative prior sd of the share of the water's speed: the depth is known to some 15 percent."""
 DENSE = 6
-"""Samples beyond the delay up to which an FIR has every lag; then each is a seventh longer."""
+"""Samples beyond the delay up to which an FIR filter has every lag; then each lag is a seventh longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPool:
-    """A pool with a level of volume over area, and FIRs on both flows for its fronts.
+    """A pool with a level of volume over area, and FIR filters on both flows for its fronts.
 
     ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
 
-    with V the volumes that have passed the dams, and tau that of a wave on the day's mean flow Q,
-    ``tau = delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. The
-    coefficients grow with the slow flow.
+    with V the volumes that have passed the dams. A wave on the day's mean flow Q has the delay tau, ``tau =
+    delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. The coefficients depend
+    linearly on the slow flow.
 
     Attributes
     ----------
@@ -61,13 +61,13 @@ class LinearPool:
         outflow; s; the coefficients; the lag of the gauge behind h.
     fronts : {"none", "fir"}
     lags : tuple of int
-        Of the FIRs [samples].
+        Lags of the FIR filters [samples].
     flow, flow_range : float
-        Usual flow and half its usual range [m3/s]: the slow flow is counted in these.
+        Usual flow and half its usual range [m3/s], used to normalise the slow flow.
 
     Notes
     -----
-    Source: equations (5) and (7); (16) for the FIRs, on both flows.
+    Source: equations (5) and (7); (16) for the FIR filters, here on both flows.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -86,7 +86,7 @@ class LinearPool:
         delay: float,
         speed_share: float = 0.0,
     ) -> "LinearPool":
-        """From the configured geometry.
+        """Return a response from the configured geometry.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class LinearPool:
         parameters = [
             FreeParameter.positive("surface_area", "m2", surface_area, 0.2),
             FreeParameter.positive("delay", "s", delay, 0.2),
-            FreeParameter.positive("inflow_gain", "-", 1.0, 1e-4),  # more is an effect, the error of a meter
+            FreeParameter.positive("inflow_gain", "-", 1.0, 1e-4),  # more is an effect: a meter error
             FreeParameter(
                 "speed_share", "-", speed_share, speed_share, SHARE_SD * max(speed_share, 0.1), 0.0, 1.0
             ),
@@ -137,22 +137,22 @@ class LinearPool:
         return self.parameters[0].natural
 
     def with_parameters(self, vector: ArrayLike) -> "LinearPool":
-        """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
+        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Level [m] from each row's first readings on, shape (days, n)."""
+        """Return the level [m] from each row's first readings on, shape (days, n)."""
         flows = real_flows(record, changes)
         return (
             self._level(record, flows) + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
         )
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """The same: the pool is linear."""
+        """Return the same as :meth:`baseline`: the pool is linear."""
         return self.baseline(record, changes)
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
-        """Derivatives of the baseline, shape (p, days, n); exact for the coefficients."""
+        """Return the derivatives of the baseline, shape (p, days, n); exact for the coefficients."""
         last = len(self.parameters) - 1
         first = last - 2 * len(self.lags) * 2
         columns = np.empty((last + 1, *base.shape))
@@ -183,16 +183,16 @@ class LinearPool:
         return stilled(time, level - level[:, :1], self.parameters[-1].natural + flows.well)
 
     def delay(self, record: Record) -> Floats:
-        """Delay of each row [s], shape (days, 1)."""
+        """Return the delay of each row [s], shape (days, 1)."""
         relative = record.inflow.mean(axis=1, keepdims=True) / self.flow - 1.0
         return np.asarray(
             self.parameters[1].natural / np.maximum(1.0 + self.parameters[3].value * relative, 0.1)
         )
 
     def _columns(self, record: Record, flows: RealFlows) -> Iterator[Floats]:
-        """Lagged flows (days, n), plain and times the slow flow, one by one: of a season all fill the memory.
+        """Yield lagged flows (days, n), plain and times the slow flow, one by one to save memory.
 
-        A flow that enters on the way acts as part of the inflow and, against its sign, of the outflow.
+        A flow that enters on the way acts as part of the inflow and, with opposite sign, of the outflow.
         """
         inflow, outflow = flows.inflow, flows.outflow
         for part in flows.added:
@@ -207,7 +207,7 @@ class LinearPool:
 
 
 def _lags(delay: int, last: int) -> tuple[int, ...]:
-    """Every lag to a little beyond the delay, then ever fewer, to the last one."""
+    """Return every lag to a little beyond the delay, then increasingly sparse lags up to the last one."""
     lags = list(range(1, min(delay + DENSE, last) + 1))
     while lags[-1] < last:
         lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), last))
@@ -215,5 +215,5 @@ def _lags(delay: int, last: int) -> tuple[int, ...]:
 
 
 def _before(values: Floats) -> Floats:
-    """Values of the sample before each."""
+    """Return the value of the sample before each sample."""
     return np.concatenate([values[:, :1], values[:, :-1]], axis=1)

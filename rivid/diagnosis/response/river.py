@@ -1,4 +1,4 @@
-"""A free river: a wave that comes later and spread out, the sooner the more water there is."""
+"""A free river: a wave with diffusion and a delay that decreases with the flow."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -15,36 +15,36 @@ from rivid.reach.gauge import stilled
 from rivid.types import Floats
 
 CELLS = 24
-"""Cells of the reach: the fluxes of so many hold a spread of a tenth of the delay or more."""
+"""Cells of the reach: the fluxes of this number represent a spread of a tenth of the delay or more."""
 NARROWEST = 0.1
-"""Least spread over the delay [-]."""
+"""Smallest ratio of the spread to the delay [-]."""
 GAIN_SD = 0.03
-"""How well the gain of two gauges is known, as a share."""
+"""Prior standard deviation of the gain of two gauges, as a share."""
 COURANT = 0.7
-"""Of Heun's method on these fluxes: stable up to 1 where they lean upstream; central ones grow slowly."""
+"""Courant number of Heun's method: stable up to 1 with upstream fluxes; central ones slowly diverge."""
 TABLE, BEYOND = 4096, 2.0
-"""Entries of the table of flows by volumes, straight between them, and its end over the largest volume."""
+"""Entries of the table of flows by volume, interpolated linearly, and its end over the largest volume."""
 
 
 @dataclass(frozen=True, eq=False)
 class RiverResponse:
-    """A diffusive wave with a speed that follows its own flow; it keeps its water.
+    """A diffusive wave with a speed that depends on its own flow; water is conserved.
 
-    The reach is a row of N cells with the volumes V_j and the flows of a kinematic wave,
+    The reach is a row of N cells with volumes V_j and the flows of a kinematic wave,
 
         dV_j/dt = F_{j-1} - F_j,   Q_j = flow (V_j / V_0)^{1 / (1 - exponent)},
         F_j = Q_j + kappa (Q_j - Q_{j+1}),   kappa = (N spread^2 / delay^2 - 1) / 2,
 
-    V_0 = delay flow / (N (1 - exponent)): a small wave on the flow Q takes delay (Q / flow)^-exponent, and is
-    spread by diffusion as `spread` is to `delay`. A share of what arrives is held back in banks and pools for
-    a while. The ratings of two gauges differ by a gain near 1 and by a constant share of the usual flow: a
-    lateral inflow that never changes is a part of this.
+    V_0 = delay flow / (N (1 - exponent)). A small wave on the flow Q takes delay (Q / flow)^-exponent, and
+    diffusion spreads it in the ratio `spread` to `delay`. A share of the arriving water is held in banks and
+    pools for some time. The ratings of two gauges differ by a gain near 1 and by a constant share of the
+    usual flow, which includes a constant lateral inflow.
 
     Attributes
     ----------
     parameters : tuple of FreeParameter
-        Logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the mean time [s] for
-        which water is held, and of the gain; the exponent, the share that is held and the constant, plain.
+        Logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the mean holding time
+        [s], and of the gain; the exponent, the held share and the constant on a linear scale.
     flow : float
         Usual flow [m3/s], at which the delay is `delay`.
 
@@ -67,9 +67,9 @@ class RiverResponse:
         flow: float,
         exponent: float = 0.4,
     ) -> "RiverResponse":
-        """From a rough mean and standard deviation of the arrivals [s] at the usual flow [m3/s].
+        """Return a response from rough mean and sd of the arrival times [s] at the usual flow [m3/s].
 
-        The delay falls with the flow by `exponent` [-]. The constant is known as well as the gain.
+        The delay decreases with the flow by `exponent` [-]. The prior sd of the constant is that of the gain.
         """
         if not flow > 0.0:
             raise RividError(f"flow = {flow} m3/s: expected a positive usual flow")
@@ -87,17 +87,17 @@ class RiverResponse:
         )
 
     def with_parameters(self, vector: ArrayLike) -> "RiverResponse":
-        """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
+        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Discharge at the lower end [m3/s], shape (days, n)."""
+        """Return the discharge at the lower end [m3/s], shape (days, n)."""
         flows = real_flows(record, changes)
         delay, exponent, spread, held, hold, gain, offset = (p.natural for p in self.parameters)
         kappa = 0.5 * (CELLS * max(spread / delay, NARROWEST) ** 2 - 1.0)
         inflow = np.ascontiguousarray(gain * flows.inflow)
         sides = np.zeros((CELLS + 1, *inflow.shape)) if flows.added else np.zeros((0, *inflow.shape))
-        for part in flows.added:  # between two faces; what enters at the last one has arrived
+        for part in flows.added:  # split between two faces; the last one is the lower end
             at = min(int(part.place * CELLS), CELLS - 1)
             sides[at] += (at + 1 - part.place * CELLS) * part.flow
             sides[at + 1] += (part.place * CELLS - at) * part.flow
@@ -116,11 +116,11 @@ class RiverResponse:
         return np.asarray((1.0 + changes.rating) * passed + flows.gauge)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """The same: a river forgets."""
+        """Return the same as :meth:`baseline`: a river forgets its initial state."""
         return self.baseline(record, changes)
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
-        """Derivatives of the baseline, shape (p, days, n)."""
+        """Return the derivatives of the baseline, shape (p, days, n)."""
         return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
 
 
@@ -129,10 +129,10 @@ def route(
     inflow: Floats, sides: Floats, time: Floats, steps: int, flow_of: Floats, top: float, kappa: float,
     out: Floats,
 ) -> bool:  # fmt: skip
-    """Write the discharge at the lower end (days, n) at the beginning of each sample; False if it runs dry.
+    """Write the discharge at the lower end (days, n) at each sample's start; return False if it runs dry.
 
     `inflow` (days, n) and `sides` (N + 1, days, n), or (0, days, n), which enter at the cells' upper faces
-    and at the lower end, are held over each sample, which is routed in so many steps; a row begins in the
+    and at the lower end, are constant over each sample, which is divided into `steps`. A row starts in the
     steady state of its first flows. `flow_of` is the flow out of a cell by its volume, up to `top`.
     """
     days, n = inflow.shape
@@ -171,7 +171,7 @@ def route(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def at(table: Floats, place: float) -> float:
-    """A table between its entries, straight on beyond its end."""
+    """Interpolate a table linearly, with extrapolation beyond its end."""
     i = min(int(place), len(table) - 2)
     return float(table[i] + (place - i) * (table[i + 1] - table[i]))
 
@@ -180,7 +180,7 @@ def at(table: Floats, place: float) -> float:
 def rates(
     volume: Floats, inflow: float, added: Floats, flow_of: Floats, kappa: float, flows: Floats, out: Floats
 ) -> bool:
-    """Write the rates (N,) [m3/s] of the volumes, in table entries; False where a cell is empty."""
+    """Write the rates (N,) [m3/s] of the volumes, in table entries; return False if a cell is empty."""
     last, least = len(flow_of) - 2, volume[0]
     for j in range(CELLS):  # without branches: these loops compile to vector instructions
         i = min(max(int(volume[j]), 0), last)
