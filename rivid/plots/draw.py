@@ -88,6 +88,7 @@ def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
         "delay": bool(read.found(e).any()),
         "t50": bool(read.has_t50(e).any()),
         "interval": e.probability is not None,
+        "travel": e.travel_s is not None,
     }
     if t := read.thirds(e):
         facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= read.CLEAR}

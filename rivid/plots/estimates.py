@@ -377,16 +377,23 @@ def flow_axis(ax: Axes, Q: Floats) -> None:
 
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
-    """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
+    """Travel time against the mean inflow, with the bounds (5); without a fraction of a sample the first
+    sample that moves, d + 1: the wave needs d T_s to (d + 1) T_s."""
     shown, tried = read.found(e) & np.isfinite(e.mean_inflow), read.candidates(e)
-    n, Q = int(shown.sum()), e.mean_inflow
+    n, Q, y = int(shown.sum()), e.mean_inflow, e.delay + 1
+    what, unit = "first sample that moves, d + 1", "(d + 1) T_s [minutes]"
     if tried.size:
-        style.lag_ticks(ax, float(tried[0]) + 0.2, float(tried[-1]) + 1.8, bins=16)
+        low, high = float(tried[0]) + 0.2, float(tried[-1]) + 1.8
+        if n and e.travel_s is not None:
+            y, what, unit = e.travel_s / results.sample_time, "travel time [samples]", "travel time [minutes]"
+            low, high = float(y[shown].min()) - 1.0, float(y[shown].max()) + 1.0
+        elif n > 12:
+            y = y + spread(len(Q))
+        style.lag_ticks(ax, low, high, bins=16)
     ax.grid(True)
     ax.set_xlabel("mean inflow of the day [m³/s]")
-    ax.set_ylabel("first sample that moves, d + 1")
+    ax.set_ylabel(what)
     if n:
-        y = e.delay + 1 + (spread(len(Q)) if n > 12 else 0)
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
         for name, kind in read.kinds(e).items():
             if (days := kind & shown).any():
@@ -398,7 +405,7 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
         style.no_ticks(ax)
     if tried.size:
-        style.second_axis(ax, results.sample_time, "(d + 1) T_s [minutes]")
+        style.second_axis(ax, results.sample_time, unit)
     else:
         style.no_ticks(ax, "y")
 
