@@ -22,7 +22,6 @@ MODELS = {
     "misfit pool": dataclasses.replace(POOL, misfit=0.4, level_sd=0.01, level_memory=1500.0),
     "misfit river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None, 0.3),
 }
-PLAIN = [model for model in MODELS.values() if not model.misfit]
 GAPS = {
     "none": [],
     "inside": [5, 6, 7, 20, 33],
@@ -205,9 +204,10 @@ def test_a_day_without_samples_has_no_likelihood():
     assert np.isnan(POOL.forecast_errors(z, 3, first=5)[1]).all()
 
 
-@pytest.mark.parametrize("model", PLAIN)
+@every_model
 def test_simulated_noise_has_the_dense_covariance(model):
-    z = model.simulate(20_000, N, np.random.default_rng(6))
+    activity = np.repeat(activity_of(model), 20_000, axis=0)
+    z = model.simulate(len(activity), N, np.random.default_rng(6), activity)
     expected = READ @ dense(model) @ READ.T
     cov = z.T @ z / len(z)
     size = np.sqrt(np.diag(expected))
