@@ -15,7 +15,6 @@ from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
-from rivid.diagnosis.response.base import step_response
 from rivid.diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -70,8 +69,6 @@ class Evidence:
         The mean of each day is arbitrary.
     inflow_before, inflow_before_sd, inflow_after, inflow_after_sd : ndarray, shape (days, n)
         Unexplained inflow w [m3/s] and its standard deviation, smoothed over whole days.
-    step_response : ndarray, shape (n,)
-        Change of the output at each sample after 1 m3/s more enters at the upstream dam.
     model : Model or None
         Fitted model with the named effects.
     """
@@ -86,7 +83,6 @@ class Evidence:
     inflow_before_sd: Floats
     inflow_after: Floats
     inflow_after_sd: Floats
-    step_response: Floats
     model: Model | None = None
 
 
@@ -456,7 +452,7 @@ def _evidence(study: Study) -> Evidence:
     return Evidence(
         record, study.split, runs[0], runs[1], first.residual, last.residual,
         smooth[0].inflow, smooth[0].inflow_sd, smooth[1].inflow, smooth[1].inflow_sd,
-        step_response(first.model.reach, record, 0.0), replace(last.whole, noise=last.noise),
+        replace(last.whole, noise=last.noise),
     )  # fmt: skip
 
 

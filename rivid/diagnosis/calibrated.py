@@ -85,7 +85,7 @@ def calibration(model: Model) -> dict[str, Any]:
     assert noise is not None
     own = {
         f.name: value
-        for f in fields(reach)  # type: ignore[arg-type]  # all responses are dataclasses
+        for f in fields(reach)
         if f.init and f.name != "parameters" and (value := getattr(reach, f.name)) is not None
     }
     return {

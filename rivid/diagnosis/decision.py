@@ -38,7 +38,7 @@ IMPROBABLE = 1e-3
 such explanations have the probability 1 - :data:`ALONE`."""
 THIRD = 1.3
 """Half of the chi-square (one degree of freedom) that 2.5 of 24 variables exceed: the third largest gain per
-unit of variance of the 24 effects of a pool if none acts. For the 11 effects of a river it is 0.8."""
+unit of variance of the 24 effects of a pool if none acts. For the 11 effects of a river it is 0.7."""
 HAIR = 1e-3
 """Score difference of effects that cannot be separated, so that the likelier one is named first [nats]."""
 DOUBT = 0.05

@@ -418,68 +418,33 @@ def settled(model: Model, record: Record, number: int) -> Model:
     return replace(model, reach=model.reach.with_parameters(mean + sd * at))
 
 
-BRIEF = 3
-"""Steps of a fit before it is compared with many others."""
-FINALISTS = 3
-"""Number of fits that run to convergence without a comparison, and of start values of an effect in a scan."""
-
-
 class Fit(NamedTuple):
-    """A fit to some days, its log-likelihood [nats per day] and the index of its model among those tried."""
+    """A fit to some days and its log-likelihood [nats per day]."""
 
     likely: float
-    number: int
     one: Explanation
 
 
-def best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
-    """Fit models to all days of a record and return the fits, best first.
-
-    Of more than :data:`FINALISTS`, the likeliest third after a few steps is continued, and so on (successive
-    halving: Jamieson and Talwalkar 2016). Raises RividError if no model can carry the flows.
-    """
-    if len(models) <= FINALISTS:
-        return fits(models, record, fresh=fresh)
-    begun = fits(models, record, steps=BRIEF)
-    while (kept := max(len(begun) // 3, FINALISTS)) > FINALISTS:
-        begun = _fitted_on(begun[:kept], record, fresh=1, steps=2 * BRIEF)
-    return _fitted_on(begun[:kept], record, fresh=fresh)
-
-
-def _fitted_on(begun: Sequence[Fit], record: Record, *, fresh: int, steps: int = STEPS) -> list[Fit]:
-    models, starts = [fit.one.model for fit in begun], [fit.one for fit in begun]
-    found = fits(models, record, starts, fresh=fresh, steps=steps)
-    return [fit._replace(number=begun[fit.number].number) for fit in found]
-
-
-def fits(
-    models: Sequence[Model],
-    record: Record,
-    starts: Sequence[Explanation | None] | None = None,
-    *,
-    fresh: int = 0,
-    steps: int = STEPS,
-) -> list[Fit]:
-    """Fit each model that can carry the flows, from its `starts`, to all days; return the fits, best first.
+def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
+    """Fit each model that can carry the flows to all days, with :func:`fitted`; return the fits, best first.
 
     Raises RividError if no model can carry the flows.
     """
     every = np.ones(record.days, bool)
     near: list[NoiseModel | None] = [None]  # the noise of the first fit is the start for the others
 
-    def fit(number: int) -> Fit | RividError:
-        start, model = None if starts is None else starts[number], models[number]
+    def fit(model: Model) -> Fit | RividError:
         model = replace(model, noise=model.noise or near[0])
         try:
-            one = fitted(model, record, every, start=start, fresh=fresh, steps=steps, rough=True)
+            one = fitted(model, record, every, fresh=fresh, rough=True)
         except RividError as error:
             return error
         seen = np.where(record.used, one.residual, np.nan)
-        return Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), number, one)
+        return Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), one)
 
-    first = fit(0)
+    first = fit(models[0])
     near[0] = None if isinstance(first, RividError) else first.one.noise
-    made = [first, *side_by_side(fit, range(1, len(models)))]
+    made = [first, *side_by_side(fit, models[1:])]
     found = [one for one in made if isinstance(one, Fit)]
     if not found:
         raise next(one for one in made if isinstance(one, RividError))

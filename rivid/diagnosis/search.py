@@ -250,18 +250,6 @@ def candidate_of(
     return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
 
-def whole_season(library: Library, record: Record) -> list[Candidate]:
-    """Return every trial at its nominal size, without a window of dates and without a size estimate."""
-    found = []
-    for trial, columns in zip(library.trials, library.columns, strict=True):
-        if not trial.hourly and not trial.effects[0].needs_dates:
-            size = np.zeros(len(columns))
-            size[0] = trial.sizes[0]
-            prior = float(_spans(trial.dates, record.days)[2][0])
-            found.append(_candidate(trial, columns, size, {}, 0.0, prior, np.zeros(0)))
-    return found
-
-
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
     """Return the variance of block scores over that under the noise model, 1 or more.
 
@@ -498,15 +486,14 @@ def command_steps(record: Record) -> tuple[float, float]:
     return float(np.quantile(moves, 0.02)), float(moves.max())
 
 
-def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: float = np.inf) -> list[Effect]:
-    """Return an effect with other values of a stepwise parameter, from `low` to `high`.
+def stepped(effect: Effect, key: str, record: Record) -> list[Effect]:
+    """Return an effect with other values of a stepwise parameter.
 
     Commands are quantised, and a band between two of them acts as the larger one. Values lie half-way between
     commands, up to the largest change of the outflow; of many, some at equal ratios are kept.
     """
     step, most = command_steps(record)
     values = (np.arange(int(most / step) + 2) + 0.5) * step
-    values = values[(values > low) & (values < high)]
     if len(values) > MOST_STEPS:
         values = values[np.unique(np.geomspace(1, len(values), MOST_STEPS).astype(int)) - 1]
     return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]

@@ -18,13 +18,9 @@ from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, HAIR, Cores, Study, alike, harmless, leading, ranked
 from rivid.diagnosis.explanation import (
-    BRIEF,
-    FINALISTS,
     FRESH,
     STEPS,
     Explanation,
-    Fit,
-    best_fits,
     fits,
     fitted,
     scored,
@@ -42,10 +38,7 @@ from rivid.diagnosis.search import (
     candidate_of,
     scatter_of,
     screened,
-    squares_left,
-    stepped,
     swung,
-    whole_season,
     windows_near,
     with_effect,
     with_events,
@@ -68,10 +61,6 @@ name is not among them has not been measured."""
 LEAST = 8.0
 """Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
 scores a name needs several times as much to be probable."""
-DEEP, DEEPEST = 3, 2
-"""Names first tried with the response from its nominal start, on every sixth open day; of these on all."""
-NEARBY = 1.25
-"""Ratio within which a parameter in which the output changes in steps is tried again on all cells."""
 WINDOWS = 3
 """Candidates that lend their windows of dates to an unknown daily flow."""
 SECOND = 0.8
@@ -107,13 +96,12 @@ class Way(NamedTuple):
     name: str
     grow: Grow
     columns: Floats | None = None  # of the effect's trial, (k, days, n)
-    again: Grow | None = None  # extends another explanation, where `grow` holds the model of the first
 
 
 def _near(candidate: Candidate, record: Record) -> Way:
     """A candidate, fitted near an explanation."""
     grow = partial(with_effect, candidate=candidate, record=record)
-    return Way(candidate.effect.name, grow, candidate.columns, grow)
+    return Way(candidate.effect.name, grow, candidate.columns)
 
 
 Responses = Response | Sequence[Response]
@@ -207,9 +195,12 @@ def find_effects(
             search.extend(parent)
         extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
-        if (lead.names, "") not in extended:
+        bare = (lead.names, "") in extended
+        if bare and turn == 0:  # the response may have bent to an effect, which then gains little
+            lead = search.likeliest(parent)
+        if lead.added is not None and not (bare and turn):
             search.add_rivals(lead)
-            lead = search.shifted(search.polished(search.lead()))
+            lead = search.shifted(search.polished(lead if bare else search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
@@ -251,13 +242,8 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
-        self.begin_at: dict[str, Response] = {}
-        """The likeliest coarse response of each kind on some days, from all its starts."""
         self.grown: dict[int, tuple[Library, Way]] = {}
         """How each explanation extends its parent, by its identity."""
-        self.deepened: dict[str, set[str]] = {}
-        """Names fitted with their own response, by kind of response: a better fit of what they extend is no
-        reason to scan again."""
         self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
@@ -363,10 +349,9 @@ class _Search:
             begun = fits(
                 [nominal, *side_by_side(partial(settled, nominal, few), range(CHAINS))], few, fresh=2
             )
-            self.begin_at[reach.name] = begun[0].one.model.reach
             best = (fit.one.model.reach for fit in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
-        best_fit = best_fits([self._plain(start) for start in starts], part, fresh=1)[0]
+        best_fit = fits([self._plain(start) for start in starts], part, fresh=1)[0]
         return best_fit.likely, best_fit.one
 
     def _columns(self, one: Explanation, record: Record) -> Library:
@@ -453,9 +438,7 @@ class _Search:
         if not parent.unknown and parent.bonus is None:
             self._with_recurring(parent, found)
         tried = _worth_trying(found)
-        # Beside another effect the near fit holds: the response no longer bends to it.
-        deepest = self._deepened(parent, library, tried) if parent.names == self.first.names else []
-        wanted = [_near(one, record) for one in tried if one not in deepest]
+        wanted = [_near(one, record) for one in tried]
         wanted += [_near(one, record) for one in self._dated(parent, library) if one.effect.name not in taken]
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
@@ -563,130 +546,15 @@ class _Search:
             found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
 
-    def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
-        """The likeliest of some candidates on some days, after they were fitted to all with the response."""
-        nominal = self._nominal(parent.model)
-        before = self.deepened.setdefault(nominal.name, set())
-        starts = [(one, nominal) for one in _firsts(tried)[:DEEP]]
-        if not before:
-            starts += self._scanned(parent, library)
-        starts = [(one, reach) for one, reach in starts if one.effect.name not in before]
-        found: dict[str, tuple[float, Candidate, Model]] = {}
-        for one, reach in starts:
-            name = one.effect.name
-            self.report(0.05, f"the response with {name}")
-            try:
-                likely, model = self._joint(parent, one, reach)
-            except RividError:
-                continue
-            if name not in found or likely > found[name][0]:
-                found[name] = likely, one, model
-        before |= {one.effect.name for one, _ in starts}
-        best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
-        wanted = [
-            _near(one, self.record)._replace(grow=partial(self._from, one, model)) for _, one, model in best
-        ]
-        self._grow(parent, library, wanted)
-        return [one for _, one, _ in best]
-
     def _nominal(self, model: Model) -> Response:
         """The nominal response of a model's kind."""
         return next(reach for reach in self.responses if reach.name == model.reach.name)
 
-    def _some_days(self, parent: Explanation, which: Ints | slice = slice(None, None, 2 * COARSE)) -> Record:
-        """Every sixth open day, or others of these, less the events of an explanation."""
+    def _some_days(self, parent: Explanation, which: Ints) -> Record:
+        """Some of the open days, less the events of an explanation."""
         chosen = np.flatnonzero(self.opened)[which]
         few = self.record.take(chosen)
         return replace(few, output=few.output - parent.coded[chosen])
-
-    def _scanned(self, parent: Explanation, library: Library) -> list[tuple[Candidate, Response]]:
-        """The likeliest names on some days, each with the response fitted to them, and that response.
-
-        A response that was fitted without the effect may have bent to it so far that no column shows it: on
-        some days less. From the nominal one each name would end in a maximum of its own.
-        """
-        self.report(0.1, "every effect with its own response")
-        few, nominal = self._some_days(parent), self._nominal(parent.model)
-        rough = self.begin_at.get(nominal.name, nominal)
-        plain = replace(parent.model, reach=rough, noise=None)
-        try:
-            start = fitted(plain, few, np.ones(few.days, bool), steps=0)
-        except RividError:  # with so few cells, or with what was found before
-            return []
-        begin: dict[str, list[tuple[Candidate, Model]]] = {}
-        for one in whole_season(library, self.record):
-            model = replace(
-                start.model, effects=(*parent.model.effects, one.effect),
-                free=(*parent.model.free, one.free),
-            )  # fmt: skip
-            same = begin.setdefault(one.effect.name, [])
-            if not one.effect.stepwise:
-                same.append((one, model))
-            elif not same:  # its steps are the same whatever it begins with
-                same += [(one, more) for more in self._in_steps(model)]
-        if not any(begin.values()):  # every effect needs dates, or is found otherwise
-            return []
-
-        def left(begun: tuple[Candidate, Model]) -> float:
-            try:
-                return squares_left(begun[1], start, few)
-            except RividError:
-                return np.inf
-
-        tried: list[Candidate] = []
-        models: list[Model] = []
-        for same in begin.values():
-            order = np.argsort(side_by_side(left, same), kind="stable")[:FINALISTS].tolist()
-            tried += [same[i][0] for i in order]
-            models += [same[i][1] for i in order]
-        best: dict[str, Fit] = {}
-        for fit in fits(models, few, [start] * len(models), steps=BRIEF):
-            best.setdefault(tried[fit.number].effect.name, fit)
-        begun = list(best.values())[: 2 * DEEP]
-        found = []
-        for fit in fits([fit.one.model for fit in begun], few, [fit.one for fit in begun], fresh=1)[:DEEP]:
-            model = fit.one.model
-            reach = model.reach
-            if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
-                reach = replace(reach, cells=nominal.cells)
-            found.append((replace(tried[begun[fit.number].number], effect=model.effects[-1]), reach))
-        return found
-
-    def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
-        """`parent` with a candidate, fitted to all open days from a model, to what may be worth a name."""
-        return fitted(
-            model, self.record, self.opened, fresh=FRESH, parent=parent, unknown=parent.unknown, enough=LEAST,
-            log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
-        )  # fmt: skip
-
-    def _joint(self, parent: Explanation, candidate: Candidate, reach: Response) -> tuple[float, Model]:
-        """A model with one more effect than `parent`, fitted to some days, and its likelihood [nats a day].
-
-        From the response of `parent` and from another one: the first may have bent to the effect so far
-        that no small step shows it. Raises where the reach cannot carry the flows with it.
-        """
-        model, effect = parent.model, candidate.effect
-        larger = replace(
-            model, noise=None, effects=(*model.effects, effect), free=(*model.free, candidate.free)
-        )
-        few = self._some_days(parent)
-        best = best_fits([larger, replace(larger, reach=reach)], few, fresh=1)[0]
-        if effect.stepwise and (near := self._in_steps(best.one.model, NEARBY)):
-            best = max(best, best_fits(near, few, fresh=1)[0])
-        return best.likely, best.one.model
-
-    def _in_steps(self, model: Model, within: float = np.inf) -> list[Model]:
-        """Models with other values of parameters of the last effect that no step of a fit changes.
-
-        Those within a ratio of the present ones. A fit must begin at the right one: a change of exactly the
-        band is made or not, and the gate stays elsewhere for hours.
-        """
-        effect, found = model.effects[-1], []
-        for key in set(model.free[-1]) & set(effect.stepwise):
-            at = float(getattr(effect, key))
-            for other in stepped(effect, key, self.record, at / within, at * within):
-                found.append(replace(model, effects=(*model.effects[:-1], other)))
-        return found
 
     def _refitted(
         self, one: Explanation, near: Explanation | None, fresh: int = 2, enough: float = ENOUGH
@@ -815,14 +683,19 @@ class _Search:
             self.pool.append(best)
             lead = self._instead(lead, best)
 
+    def likeliest(self, parent: Explanation) -> Explanation:
+        """The likeliest extension of `parent` by an effect; itself if none is likelier by :data:`LEAST`."""
+        more = [one for one in self.pool if one.parent is parent and one.count[0] > parent.count[0]]
+        lead = max(more, key=self.score, default=parent)
+        return parent if self.score(lead) < self.score(parent) + LEAST else lead
+
     def again(self, parent: Explanation) -> Explanation:
         """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
 
         An effect that leads the fit of the response out of a local optimum gains what is not its own.
         """
-        more = [one for one in self.pool if one.parent is parent and one.count[0] > parent.count[0]]
-        lead = max(more, key=self.score, default=parent)
-        if self.score(lead) < self.score(parent) + LEAST:
+        lead = self.likeliest(parent)
+        if lead is parent:
             return parent
         self.report(0.05, "refitting without the effect that leads")
         one = self._refitted(parent, lead)
@@ -862,7 +735,7 @@ class _Search:
                 self._latent(rival, latent)
             elif not latent and self.grown[id(lead)][1].name not in others:
                 library, way = self.grown[id(lead)]
-                self._grow(rival, library, [way._replace(grow=way.again or way.grow)])
+                self._grow(rival, library, [way])
 
     def varied(self, lead: Explanation) -> Explanation:
         """The same with a size of its last effect that varies with the date, where it predicts better."""
@@ -904,21 +777,11 @@ class _Search:
         return max((one for one in (parent, again) if one is not None), key=self.score), found
 
     def _latent(self, parent: Explanation, kind: Latent) -> Explanation | None:
-        """`parent` with an unknown flow or an unknown gauge, in the pool; None where it carries no flows.
-
-        Beside no names from the nominal response too: the one of `parent` may have bent to what is unknown.
-        """
-        model, bent = replace(parent.model, noise_kind=kind), False
-        if not parent.names:
-            few, nominal = self._some_days(parent), self._nominal(model)
-            rough = [replace(model, noise=None, reach=reach) for reach in (model.reach, nominal)]
-            best = best_fits(rough, few, fresh=2)[0]
-            if bent := best.number == 1:
-                model = replace(model, noise=None, reach=best.one.model.reach)
+        """`parent` with an unknown flow or an unknown gauge, in the pool; None where it carries no flows."""
         one = self._carrying(
-            model, start=None if bent else parent, fresh=int(bent), unknown=kind,
-            log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
-            others=parent.others, events=parent.events,
+            replace(parent.model, noise_kind=kind), start=parent, unknown=kind, parent=parent,
+            log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), others=parent.others,
+            events=parent.events,
         )  # fmt: skip
         return None if one is None else self.add(one)
 

@@ -76,7 +76,6 @@ def evidence_of(record=None, amplitude=6.0, seed=1, **given):
         inflow_before_sd=sd,
         inflow_after=weather,
         inflow_after_sd=0.8 * sd,
-        step_response=np.linspace(0.0, 0.1, shape[1]),
     )
 
 

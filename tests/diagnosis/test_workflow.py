@@ -10,7 +10,6 @@ import pytest
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike
 from rivid.diagnosis.explanation import STEPS, fitted
-from rivid.diagnosis.search import with_effect
 from rivid.diagnosis.workflow import Way, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import RecurringFlow
@@ -350,50 +349,18 @@ def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     assert given == [(rival, "gauge")]
 
 
-@pytest.mark.parametrize("names", ["", "leakage"])
-def test_only_where_no_effect_is_found_yet_names_are_fitted_from_the_nominal_response(monkeypatch, names):
-    """Of a season of 95 days this had taken two fifths of the time, and changed no answer of others."""
+def test_rivals_of_what_a_lead_extends_get_its_effect_from_their_own_model():
     nothing = explained()
-    parent = nothing if not names else explained(names, 9.0, 0.5, parent=nothing)
-    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *_: [])
-    tried = []
+    leak = explained("leakage", 9.0, 0.5, parent=nothing)
+    rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing)
+    lead = explained("side_storage", 9.0, 0.5, parent=leak)
+    library, way, given = object(), Way("side_storage", print), []
     search = SimpleNamespace(
-        first=nothing, record=SimpleNamespace(kind="pool"), classes={}, pool=[nothing, parent],
-        _with_unknown=lambda one: (one, []), _library=lambda _: None, _with_recurring=lambda *_: None,
-        _deepened=lambda *_: tried.append("deep") or [], _dated=lambda *_: [], _grow=lambda *_: [],
-        _with_unknown_events=lambda *_: None,
+        pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
+        grown={id(lead): (library, way)}, _grow=lambda *call: given.append(call),
     )  # fmt: skip
-    _Search.extend(search, parent)
-    assert bool(tried) == (not names)
-
-
-def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
-    """A rival got the effects of the lead, beside its own as what it extends, and the diagnosis ended."""
-    candidate = SimpleNamespace(effect=CATALOGUE["leakage"](), columns=None)
-    given = []
-    search = SimpleNamespace(
-        _nominal=lambda model: SimpleNamespace(name=""), _scanned=lambda *_: [], report=lambda *_: None,
-        record="record", deepened={},
-        _joint=lambda *_: (1.0, "model of the lead"), _from=print,
-        _grow=lambda parent, library, wanted: given.extend(wanted),
-    )  # fmt: skip
-    _Search._deepened(search, explained(), None, [candidate])
-    (way,) = given
-    assert "model of the lead" in way.grow.args
-    assert way.again.func is with_effect and way.again.keywords == {
-        "candidate": candidate,
-        "record": "record",
-    }
-    made = explained("leakage", 9.0, 0.5, parent=explained())
-    kept = SimpleNamespace(
-        report=lambda *_: None, log_prior=lambda n: 0.0, _scored=lambda one: one, pool=[], record=None,
-        _inflated=lambda one, *_: one, grown={},
-    )  # fmt: skip
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rivid.diagnosis.workflow.swung", lambda one, record: one)
-        _Search._grow(kept, explained(), None, [way._replace(grow=lambda *_, **__: made)])
-    assert kept.pool == [made]
-    assert kept.grown[id(made)][1].again is way.again
+    _Search.level_rivals(search, lead)
+    assert given == [(rival, library, [way])]
 
 
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():

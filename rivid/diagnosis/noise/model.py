@@ -217,17 +217,18 @@ class NoiseModel:
         from scipy.signal import lfilter
 
         m = self.system()
-        v = rng.normal(0.0, 1.0, (2, days, n))
-        jolts = v[0] * self.misfit * np.sqrt(_moved(activity, (days, n)).T)
+        moved = self.misfit**2 * _moved(activity, (days, n)).T
+        of_x, of_s = (moved, 0.0 * moved) if m.diffuse else (0.0 * moved, moved)
 
         def memory(sd: float, phi: float, more: Floats | float = 0.0) -> Floats:
             steps = rng.normal(0.0, sd, (days, n)) * np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
             steps[:, 1:] += more
             return np.asarray(lfilter([1.0], [1.0, -phi], steps, axis=1), float)
 
-        rise = m.c * memory(self.inflow_sd, m.phi) + v[1] * self.walk_sd + (jolts if m.diffuse else 0.0)
+        inflow, v = memory(self.inflow_sd, m.phi), rng.normal(0.0, 1.0, (days, n))
+        rise = m.c * inflow + v * np.sqrt(self.walk_sd**2 + of_x)
         x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
-        s = memory(self.level_sd, m.psi, 0.0 if m.diffuse else jolts[:, :-1])
+        s = memory(self.level_sd, m.psi, (v * np.sqrt(of_s))[:, :-1])
         return x + s + rng.normal(0.0, self.gauge_sd, (days, n))
 
     def system(self) -> "System":

@@ -6,9 +6,10 @@ output, while :meth:`Response.simulate` runs free.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, Protocol, Self, cast
+from typing import Any, Self, cast
 
 import numpy as np
 from numba import njit
@@ -79,43 +80,37 @@ def gauge_lag() -> FreeParameter:
     return FreeParameter("gauge_lag", "s", 0.0, 0.0, 60.0, 0.0, 300.0)
 
 
-class Response(Protocol):
-    """A reach model that can be calibrated.
+@dataclass(frozen=True, eq=False)
+class Response(ABC):
+    """A reach model that can be calibrated, with p free parameters."""
 
-    Attributes
-    ----------
-    name : str
-        Canonical name.
-    parameters : tuple of FreeParameter
-        Length p.
-    surface_area : float or None
-        A [m2], by which an unknown inflow becomes a rise of the level; None for a river reach.
-    """
+    parameters: tuple[FreeParameter, ...]
 
     @property
-    def name(self) -> str: ...
+    @abstractmethod
+    def name(self) -> str:
+        """Canonical name."""
 
     @property
-    def parameters(self) -> tuple[FreeParameter, ...]: ...
+    @abstractmethod
+    def surface_area(self) -> float | None:
+        """A [m2], by which an unknown inflow becomes a rise of the level; None for a river reach."""
 
-    @property
-    def surface_area(self) -> float | None: ...
-
-    def with_parameters(self, vector: ArrayLike) -> Self:
-        """Return the model at other values (p,) on the parameters' scale, clipped to the limits."""
-        ...
-
+    @abstractmethod
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the output, linearised about the observed output, shape (days, n) [m or m3/s]."""
-        ...
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Return the output, running free from each row's start, shape (days, n) [m or m3/s]."""
-        ...
+        """Return the output, running free from each row's start: that of a linear model is its baseline."""
+        return self.baseline(record, changes)
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Return the derivatives of :meth:`baseline`, of which `base` is the value, shape (p, days, n)."""
-        ...
+        return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
+
+    def with_parameters(self, vector: ArrayLike) -> Self:
+        """Return the model at other values (p,) on the parameters' scale, clipped to the limits."""
+        return replace(self, parameters=placed(self.parameters, vector))
 
 
 def vector_of(response: Response) -> Floats:

@@ -6,16 +6,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
+    Response,
     cut,
     gauge_lag,
     gauge_of,
     lagged,
-    placed,
     slopes_by_differences,
     start_level,
     vector_of,
@@ -92,7 +91,7 @@ def bed_width(width: float, bank: float, depth: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class HydraulicResponse:
+class HydraulicResponse(Response):
     """A pool as equation (1) with Manning friction, short linear corrections, and a gauge with a lag.
 
     ``h(t) = level of the channel + sum_l a_l u_Qo[k - l] + sum_l b_l u_Qi[k - l]``
@@ -127,7 +126,6 @@ class HydraulicResponse:
     in all cells the water upstream flowed to the dam within hours, as if through a leak.
     """
 
-    parameters: tuple[FreeParameter, ...]
     level: float
     flow: float
     cells: int = CELLS
@@ -230,10 +228,6 @@ class HydraulicResponse:
             end_bed=self.level - depth - 0.5 * fall,
             width_modes=modes[: self.width_modes], bed_modes=[0.0, *modes[self.width_modes :]],
         )  # fmt: skip
-
-    def with_parameters(self, vector: ArrayLike) -> "HydraulicResponse":
-        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
-        return replace(self, parameters=placed(self.parameters, vector))
 
     def carried(self, record: Record) -> Bools:
         """Return days with flows that the channel carries, even 1 sd steeper and shallower; shape (days,)."""

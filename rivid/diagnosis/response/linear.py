@@ -7,21 +7,20 @@ them.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import START_UP, Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
     RealFlows,
+    Response,
     gauge_lag,
     lagged,
     leaky,
     mean_before,
-    placed,
     real_flows,
     slopes_by_differences,
     start_level,
@@ -45,7 +44,7 @@ DENSE = 6
 
 
 @dataclass(frozen=True, eq=False)
-class LinearPool:
+class LinearPool(Response):
     """A pool with a level of volume over area, and FIR filters on both flows for its fronts.
 
     ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
@@ -70,7 +69,6 @@ class LinearPool:
     Source: equations (5) and (7); (16) for the FIR filters, here on both flows.
     """
 
-    parameters: tuple[FreeParameter, ...]
     fronts: Fronts = "none"
     lags: tuple[int, ...] = ()
     flow: float = 0.0
@@ -136,20 +134,12 @@ class LinearPool:
         """A [m2]."""
         return self.parameters[0].natural
 
-    def with_parameters(self, vector: ArrayLike) -> "LinearPool":
-        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
-        return replace(self, parameters=placed(self.parameters, vector))
-
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the level [m] from each row's first readings on, shape (days, n)."""
         flows = real_flows(record, changes)
         return (
             self._level(record, flows) + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
         )
-
-    def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Return the same as :meth:`baseline`: the pool is linear."""
-        return self.baseline(record, changes)
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Return the derivatives of the baseline, shape (p, days, n); exact for the coefficients."""

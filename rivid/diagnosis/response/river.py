@@ -1,14 +1,13 @@
 """A free river: a wave with diffusion and a delay that decreases with the flow."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences
+from rivid.diagnosis.response.base import FreeParameter, Response, real_flows
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gauge import stilled
@@ -27,7 +26,7 @@ TABLE, BEYOND = 4096, 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class RiverResponse:
+class RiverResponse(Response):
     """A diffusive wave with a speed that depends on its own flow; water is conserved.
 
     The reach is a row of N cells with volumes V_j and the flows of a kinematic wave,
@@ -54,7 +53,6 @@ class RiverResponse:
     Research 7, 205-230) for the diffusion of such cells.
     """
 
-    parameters: tuple[FreeParameter, ...]
     flow: float
     name: str = field(default="diffusive-wave", init=False)
     surface_area: None = field(default=None, init=False)
@@ -86,10 +84,6 @@ class RiverResponse:
             flow,
         )
 
-    def with_parameters(self, vector: ArrayLike) -> "RiverResponse":
-        """Return the response at other values; see :class:`rivid.diagnosis.response.base.Response`."""
-        return replace(self, parameters=placed(self.parameters, vector))
-
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the discharge at the lower end [m3/s], shape (days, n)."""
         flows = real_flows(record, changes)
@@ -114,14 +108,6 @@ class RiverResponse:
         behind = stilled(record.time, came, hold)
         passed = (1.0 - held) * came + held * behind + offset * self.flow
         return np.asarray((1.0 + changes.rating) * passed + flows.gauge)
-
-    def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Return the same as :meth:`baseline`: a river forgets its initial state."""
-        return self.baseline(record, changes)
-
-    def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
-        """Return the derivatives of the baseline, shape (p, days, n)."""
-        return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
 
 
 @njit(cache=True, error_model="numpy")
