@@ -39,6 +39,8 @@ MOST = 0.5
 seasons with nothing hidden exceed it, and eleven :data:`rivid.diagnosis.decision.MATERIAL`."""
 LEAST_RATIO = 3.0
 """Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
+FILLED = 0.5
+"""Share of the time from the first pulse to the last above which pulses are no separate events."""
 LEAST_P = 0.01
 """Largest p-value at which the location of the remainder is reported."""
 STEP = 0.15
@@ -403,11 +405,14 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # fewer give no significant location
         place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
+    likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
+    found, rows = _unnamed(likeliest, record)
     # size, dates and period refer to the same days
-    dates = place.windows[0] if place is not None and place.windows else None
-    within = np.array([dates is None or dates[0] <= day <= dates[1] for day in record.dates])
+    windows = place.windows if place is not None else ()
+    if rows:
+        windows, place = ((record.dates[min(rows)], record.dates[max(rows)]),), None
+    within = np.array([not windows or any(a <= day <= b for a, b in windows) for day in record.dates])
     used = record.used & within[:, None]
-    found = []
     slow = rhythm(w, used, record.time)
     if slow is not None:
         hours, to = slow.period / HOUR, slow.resolution / HOUR
@@ -424,19 +429,35 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
-        found.append(place.text)
-    likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
-    for events in (e for e in likeliest.events if not e.kind.name):
-        sizes = np.abs([e.size for e in events.events])
-        what = f"pulses of about {np.median(sizes):.3g} m3/s and {events.duration_s / HOUR:.2g} h"
-        if events.kind.shape == "jump":
-            what = f"jumps of the reading, of {sizes.max():.2g} m at most"
-        found.insert(0, f"{len(sizes)} {what}, at no fixed time")
+        at, _, size = place.text.partition(", on ")[0].rpartition(", ")
+        found.append(
+            f"{at or 'these days'} ({size.removeprefix('-')} {'more' if place.size > 0 else 'less'})"
+        )
     if not found:
         return None
-    size = float(np.sqrt(np.mean(w[used] ** 2)))
+    rms = float(np.sqrt(np.mean(w[used] ** 2)))
     length = slow.period if slow is not None else period if swing else None
-    return Unknown(Where(dates=dates), size, tuple(found), length)
+    where = Where() if not windows else Where(
+        dates=(windows[0][0], windows[-1][1]), regime=f"at {len(windows)} times" if windows[1:] else None
+    )  # fmt: skip
+    return Unknown(where, rms, tuple(found), length)
+
+
+def _unnamed(one: Explanation, record: Record) -> tuple[list[str], list[int]]:
+    """Describe the events without a name, and return the rows in which their pulses begin."""
+    found, rows = list[str](), list[int]()
+    for kind, events in ((e.kind, e.events) for e in one.events if e.events and not e.kind.name):
+        days, sizes = [e.day for e in events], np.abs([e.size for e in events])
+        if kind.shape == "jump":
+            found.append(f"{len(days)} jumps of the reading, of {sizes.max():.2g} m at most")
+            continue
+        lasts = np.array([e.duration_s for e in events]) / HOUR
+        hours = record.used[min(days) : max(days) + 1].sum() * record.sample_time / HOUR
+        if lasts.sum() <= FILLED * hours:
+            what = f"pulses of about {np.median(sizes):.3g} m3/s that last {np.median(lasts):.2g} h"
+            found.append(f"{len(days)} {what}")
+            rows += days
+    return found, rows
 
 
 def _evidence(study: Study) -> Evidence:

@@ -198,7 +198,7 @@ def find_effects(
         bare = (lead.names, "") in extended
         if bare and turn == 0:  # the response may have bent to an effect, which then gains little
             lead = search.likeliest(parent)
-        if lead.added is not None and not (bare and turn):
+        if turn == 0 or not bare:
             search.add_rivals(lead)
             lead = search.shifted(search.polished(lead if bare else search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():

@@ -301,9 +301,9 @@ def sampled(
 def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec) -> tuple[Floats, Bools]:
     """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged.
 
-    Held values that come more often than samples are averaged over each sample: one of them would not be the
-    volume that flowed. Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at
-    the end.
+    Held values are averaged over each sample, which keeps the volume: the last value before an instant would
+    shift a flow with stamps between the instants by up to a sample. Raises DataError for a gap longer than
+    `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
     if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
@@ -315,10 +315,8 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     before = np.maximum(after - 1, 0)  # ahead of the first value, that one
     if not signal.held:
         samples = np.interp(grid.times, times, values)
-    elif len(times) > 1 and np.median(np.diff(times)) + late < spec.period * MICRO:
-        samples = held_means(times, values, np.append(grid.times, grid.end))
     else:
-        samples = values[before]
+        samples = held_means(times, values, np.append(grid.times, grid.end))
     # where a value is missing, what comes later than one interval after the last is not measured but bridged
     bounded = np.append(times, max(grid.end, int(times[-1])))
     missed = np.diff(bounded) > MISSED * signal.spacing

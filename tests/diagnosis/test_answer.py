@@ -6,9 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.answer import AFTER, RISE, STEP, _named, after_step, regimes, states
+from rivid.diagnosis import answer
+from rivid.diagnosis.answer import AFTER, RISE, STEP, _named, _unknown, after_step, regimes, states
 from rivid.diagnosis.blocks import split
+from rivid.diagnosis.events import Event
 from rivid.diagnosis.fit import HOURS, day_errors
+from rivid.diagnosis.localise import Place
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects.timing import GateDeadband
 from tests.diagnosis.answers import evidence_of, record_of
@@ -128,3 +131,42 @@ def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
     )  # fmt: skip
     (found,) = _named(study, {})
     assert found.parameters[0].low < band < found.parameters[0].high
+
+
+def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12)):
+    """What is left where the likeliest explanation has events without a name, which begin in these rows."""
+    events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, 50.0, False) for day in rows)
+    one = SimpleNamespace(kind=SimpleNamespace(name="", shape=shape), events=events)
+    days = EVIDENCE.record.days
+    last = SimpleNamespace(
+        residual=EVIDENCE.residual_after, noise=NOISE, weights=np.ones(days), effects=(), events=(one,),
+        unknown="flow",
+    )  # fmt: skip
+    study = SimpleNamespace(
+        record=EVIDENCE.record, split=SimpleNamespace(block=np.arange(days)), last=last, start=(),
+        ranking=[(last, 1.0)],
+    )  # fmt: skip
+    return _unknown(study, EVIDENCE)
+
+
+def test_pulses_give_the_days_of_what_is_left_unless_they_fill_the_time():
+    record, found = EVIDENCE.record, left_of()
+    assert found.drivers[0] == "4 pulses of about 40 m3/s that last 2 h"
+    assert found.where.dates == (record.dates[3], record.dates[12])
+    days = slice(3, 13)
+    assert found.size_m3s == pytest.approx(EVIDENCE.inflow_after[days][record.used[days]].std(), rel=0.1)
+    filled = left_of(hours=40.0)
+    assert filled is None or "pulses" not in " ".join(filled.drivers)
+    jumps = left_of(shape="jump")
+    assert jumps.drivers[0] == "4 jumps of the reading, of 40 m at most" and jumps.where.dates is None
+
+
+def test_a_place_with_several_windows_gives_their_span_once(monkeypatch):
+    dates = EVIDENCE.record.dates
+    windows = (dates[2], dates[4]), (dates[9], dates[14])
+    text = "discharge 283.2 to 365.3 m3/s, -6.11 m3/s, on days from 3 May to 5 May and from 10 May to 15 May"
+    place = Place("discharge", 283.2, 365.3, -6.11, 0.5, 0.004, windows, text)
+    monkeypatch.setattr(answer, "strongest", lambda *given: place)
+    found = left_of(rows=())
+    assert found.where.dates == (dates[2], dates[14]) and found.where.regime == "at 2 times"
+    assert found.drivers[-1] == "discharge 283.2 to 365.3 m3/s (6.11 m3/s less)"

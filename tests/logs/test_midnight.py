@@ -122,7 +122,9 @@ class TestAFilePerDayStampedAtTheEnd:
         folder = by_label(tmp_path, lines)
         days = days_of(folder, settings)
         assert [d.date for d in days] == DATES[:-1]
-        assert read_window(folder, days[-1:], settings).inflow[-1] == float(lines[-2][1])
+        before, last = float(lines[-2][1]), 300.0  # the interval that ends at 00:10 begins at 23:55
+        mixed = (before * 600 + last * 300) / STEP
+        assert read_window(folder, days[-1:], settings).inflow[-1] == pytest.approx(mixed)
 
 
 class TestARowAtMidnightAlone:

@@ -87,18 +87,17 @@ def test_a_stamp_at_the_end_of_an_undeclared_interval_is_asked_for(tmp_path, col
     assert str(caught.value).endswith(f": set [input.interval] {column} = {step}")
     declared = read(tmp_path, stamp={column: "end"}, interval=dict.fromkeys(("u_Qi", "u_Qo", "h_L"), step))
     if column == "u_Qi":
-        # the value of the interval around; one that begins up to T_s / 100 late is around too
-        held = [float(lines[int(133.0 * k + 1.33) // step][1]) for k in range(650)]
         each = np.repeat([float(line[1]) for line in lines], step)
         means = [each[133 * k : 133 * (k + 1)].mean() for k in range(650)]
-        np.testing.assert_allclose(declared.inflow, means if step < 133 else held, rtol=1e-12)
+        np.testing.assert_allclose(declared.inflow, means, rtol=1e-12)
 
 
-def test_commands_are_held_and_levels_interpolated(tmp_path):
+def test_commands_are_averaged_and_levels_interpolated(tmp_path):
     lines = rows(step=133, start=66)
     data = read(put(tmp_path, lines[:649]))
     inflow, level = np.array([[float(r[1]), float(r[3])] for r in lines]).T
-    assert (data.inflow[1:] == inflow[:649]).all()
+    mixed = (66 * inflow[:648] + 67 * inflow[1:649]) / 133
+    np.testing.assert_allclose(data.inflow[1:649], mixed, rtol=1e-12)
     np.testing.assert_allclose(data.output[1:649], level[:648] + 67 / 133 * np.diff(level)[:648], rtol=1e-12)
     assert data.n_filled == 1  # before the first row
 
@@ -225,7 +224,7 @@ def test_a_window_is_one_regular_grid(tmp_path):
     data = read_window(tmp_path, find_days(tmp_path, settings).days, settings)
     assert len(data.inflow) == -(-3 * 86400 // 133)
     assert data.date == DAY + dt.timedelta(days=2)
-    assert (data.inflow[:650] == a_day(DAY)[1]).all()
+    assert (data.inflow[:649] == a_day(DAY)[1][:649]).all()
     # the second day's rows begin 50 s before the grid's: a command of 00:00 holds at 00:00:50
     assert data.inflow[650] == a_day(DAY + dt.timedelta(days=1))[1][0]
 
