@@ -38,6 +38,10 @@ LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
 """Two-sided limits of Student's t at :data:`LEVEL`, with one degree of freedom less than the number of weeks
 before. A table, since scipy.stats takes longer to load than a page to write."""
 
+STEP_DAYS, STEP_LIMIT = 5, 20.0
+"""Fewest days on each side of a step, and limit of its statistic: of simulated records with outliers on 5 %
+of the days and a correlation from day to day of 0 to 0.5 (0.8), 0 to 1.5 % (2 to 4 %) exceed it."""
+
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range describes the record better."""
 
@@ -218,6 +222,34 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     }
 
 
+def step(values: Floats, flow: Floats, day: Floats) -> int | None:
+    """Return the place of a step in a series of delays, or None without one.
+
+    The statistic is the largest reduction of the squared error by a step, beside a constant and the logarithm
+    of the flow, over the variance of what remains, inflated by its correlation from day to day. Four fifths
+    of the days on one side must lie beyond four fifths of the other side: outliers make no step.
+    `values` [samples], `flow` [m3/s] and `day` [days] have shape (n,).
+    """
+    n = len(values)
+    if n < 2 * STEP_DAYS:
+        return None
+    given = np.column_stack([np.ones(n), np.log(np.maximum(flow, 1e-9))])
+    basis = np.linalg.svd(given - [0.0, given[:, 1].mean()], full_matrices=False)[0]
+    steps = np.tril(np.ones((n, n)))[:, STEP_DAYS : n - STEP_DAYS + 1]
+    steps, left = (part - basis @ (basis.T @ part) for part in (steps, values))
+    size = np.maximum((steps * steps).sum(axis=0), 1e-9)
+    best = int(np.argmax((steps.T @ left) ** 2 / size))
+    along = float(steps[:, best] @ left)
+    left = left - steps[:, best] * along / size[best]
+    square = max(float(left @ left), 1e-3 * n)  # travel times have tenths of a sample
+    memory = max(float((left[1:] * left[:-1])[np.diff(day) == 1].sum()) / square, 0.0)
+    memory = min(memory + 2.0 * (1.0 + 3.0 * memory) / n, 0.95)  # its estimate is low by so much
+    statistic = along**2 / size[best] * (n - 3) / square * (1.0 - memory) / (1.0 + memory)
+    before, after = values[: best + STEP_DAYS], values[best + STEP_DAYS :]
+    (low, high), (lower, upper) = np.quantile(before, (0.2, 0.8)), np.quantile(after, (0.2, 0.8))
+    return best + STEP_DAYS if statistic > STEP_LIMIT and (lower > high or upper < low) else None
+
+
 def impossible(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> tuple[Bools, Bools]:
     """Return the days with an arrival that the geometry excludes: too fast and too slow, each of shape (n,).
 
@@ -325,6 +357,10 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
     undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
     spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
+    used = np.flatnonzero(recent.decided & (ago <= WEEKS) & np.isfinite(e.mean_inflow))
+    values, place = recent.values[used], None
+    if t is None or not t["moved"]:
+        place = step(values, e.mean_inflow[used], read.day_numbers(e.dates)[used])
     inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
     if t is not None:
         code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
@@ -335,6 +371,8 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     return {
         "code": code,
         "trend": t,
+        "since": None if place is None else e.dates[used[place]],
+        "sides": None if place is None else [_median(values[:place]), _median(values[place:])],
         "days": int(days[0]),
         "weeks": there,
         "weeks_used": int((days[1:] >= FEWEST_DAYS).sum()),

@@ -18,11 +18,13 @@ from rivid.report.summary import (
     last_week,
     leading,
     missing,
+    step,
     trend,
     weeks_ago,
 )
 from rivid.results.store import assumed, describe
 from rivid.text import spans
+from tests.diagnosis import sizes
 from tests.plots.synthetic import dates_of, results, river, without_answers
 from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel, write
 
@@ -365,3 +367,35 @@ def test_missing_days_are_those_between_the_first_and_the_last(seed):
 def test_an_estimator_from_other_software_is_summarised_too():
     run = simple([6, 7], name="theirs")
     assert facts(run, run.estimators[0])["with_delay"] == 2
+
+
+@sizes("seeds", 60, 600)
+@pytest.mark.parametrize(("memory", "size"), [(0.0, 0.01), (0.5, 0.02), (0.8, 0.05)])
+def test_days_without_a_step_have_none_and_one_of_eight_deviations_is_found_where_it_is(memory, size, seeds):
+    false, found = 0, 0
+    day = np.arange(45.0)
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        flow = np.exp(5.0 + np.cumsum(0.1 * rng.normal(size=45)))
+        values = rng.normal(size=45)
+        for i in range(1, 45):
+            values[i] = memory * values[i - 1] + np.sqrt(1.0 - memory**2) * values[i]
+        values += 8.0 * (rng.random(45) < 0.05) * rng.normal(size=45)
+        values -= 3.0 * np.log(flow)
+        false += step(values, flow, day) is not None
+        place = step(values + 8.0 * (day >= 36), flow, day)
+        found += place is not None and abs(place - 36) <= 1
+    assert false <= size * seeds + 3.0 * np.sqrt(size * seeds)
+    assert found >= 0.75 * seeds
+
+
+def test_a_step_within_the_weeks_before_is_reported_with_its_date():
+    """A gauge's clock 10 min late from the fourth week on was "within the scatter of weeks"."""
+    e = results(("jmap",), dates_of(56)).estimators[0]
+    moved = 7.0 + 4.0 * (np.arange(56) >= 43)
+    run = results(("jmap",), dates_of(56))
+    run.estimators[0] = dataclasses.replace(
+        e, delay=moved, status=["ok"] * 56, prior_only=np.zeros(56, bool), mean_inflow=np.full(56, 300.0)
+    )
+    got = summary_of(run)["moved"]
+    assert got["code"] != "moved" and got["since"] == e.dates[43] and got["sides"] == [7.0, 11.0]
