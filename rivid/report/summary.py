@@ -42,6 +42,10 @@ STEP_DAYS, STEP_LIMIT = 5, 20.0
 """Fewest days on each side of a step, and limit of its statistic: of simulated records with outliers on 5 %
 of the days and a correlation from day to day of 0 to 0.5 (0.8), 0 to 1.5 % (2 to 4 %) exceed it."""
 
+LONG = 1.5
+"""Ratio of travel time and gravity wave in a pool from which the geometry or a clock is in doubt: the wave
+takes as long in less than half of the depth."""
+
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range describes the record better."""
 
@@ -421,7 +425,7 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[s
 
 
 def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
-    """The gravity wave on the days of the last value, and the days that are faster."""
+    """The gravity wave on the days of the last value, the days that are faster, and the answer over it."""
     if results.assumed:
         return {"code": "assumed"}
     given = recent.given if recent.given.any() else np.isfinite(recent.values)
@@ -429,7 +433,11 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
     fast = int((impossible(results, recent.estimator, recent.quantity)[0] & given).sum())
     if gravity is None or (recent.quantity == "t50" and not fast):
         return None
-    return {"code": "given", "gravity": gravity, "fast": fast, "days": int(given.sum())}
+    middle = recent.values + (0.5 if recent.quantity == "delay" else 0.0)
+    ratio = _median((middle * results.sample_time / recent.estimator.bound_gravity_s)[given])
+    slow = recent.quantity != "t50" and ratio > LONG
+    days = int(given.sum())
+    return {"code": "given", "gravity": gravity, "fast": fast, "days": days, "ratio": ratio, "slow": slow}
 
 
 def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:

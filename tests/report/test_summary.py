@@ -399,3 +399,13 @@ def test_a_step_within_the_weeks_before_is_reported_with_its_date():
     )
     got = summary_of(run)["moved"]
     assert got["code"] != "moved" and got["since"] == e.dates[43] and got["sides"] == [7.0, 11.0]
+
+
+def test_a_delay_far_longer_than_the_gravity_wave_puts_the_geometry_in_doubt():
+    """A length of half the true one passed without a word."""
+    run = results(("jmap",), dates_of(14))
+    e = run.estimators[0]
+    for share, slow in ((1.2, False), (2.0, True)):
+        run.estimators[0] = dataclasses.replace(e, bound_gravity_s=(e.delay + 0.5) * run.sample_time / share)
+        waves = summary_of(run)["waves"]
+        assert waves["ratio"] == pytest.approx(share) and waves["slow"] == slow
