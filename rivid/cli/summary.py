@@ -79,6 +79,9 @@ def _doubt(results: Results, waves: tuple[float, float]) -> str:
     latest = earliest if has_t50(e).any() else earliest + 1.0
     if (latest + 1.0) * T_s < waves[0] or (earliest - 1.0) * T_s > SLOW * waves[1]:
         return f"by [reach] a wave takes {duration(waves)}: check length, width, depth, and the clocks"
+    if waves[1] < T_s:
+        most = duration([waves[1] / 2.0])
+        return f"by [reach] a wave takes {duration(waves)}, less than a sample: log every {most} or more often"
     return ""
 
 

@@ -58,6 +58,14 @@ def test_a_long_response_is_cut_to_the_longest_order_and_asks_for_longer_data_se
     assert "[run]" not in rivid("bounds", "--config", settings(), "--toml").stdout
 
 
+def test_samples_longer_than_the_travel_time_are_reported(rivid, settings):
+    """Hourly logs of a wave of 18 min gave "1 to 2 h" without a remark."""
+    path = settings()
+    for sample_time, coarse in ((60, False), (3600, True)):
+        path.write_text(f"{REACH.format(9000)}".replace("= 60", f"= {sample_time}"))
+        assert ("no delay can be resolved" in rivid("bounds", "--config", path).stdout) == coarse
+
+
 @pytest.mark.parametrize("sample_time", [0.05, 0.7, 3.0, 40.0])
 def test_the_sample_time_that_it_asks_for_is_enough(rivid, settings, sample_time):
     path = settings(600_000)
