@@ -77,11 +77,11 @@ def _doubt(results: Results, waves: tuple[float, float]) -> str:
         return ""
     earliest = passage(results, e).median if has_t50(e).any() else facts(results, e)["median"]
     latest = earliest if has_t50(e).any() else earliest + 1.0
+    takes = f"by [reach] a wave takes {duration(waves)}"
     if (latest + 1.0) * T_s < waves[0] or (earliest - 1.0) * T_s > SLOW * waves[1]:
-        return f"by [reach] a wave takes {duration(waves)}: check length, width, depth, and the clocks"
+        return f"{takes}: check length, width, depth, the clocks and [input.stamp]"
     if waves[1] < T_s:
-        most = duration([waves[1] / 2.0])
-        return f"by [reach] a wave takes {duration(waves)}, less than a sample: log every {most} or more often"
+        return f"{takes}, less than a sample: log every {duration([waves[1] / 2.0])} or more often"
     return ""
 
 
