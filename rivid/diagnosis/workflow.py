@@ -56,42 +56,41 @@ MOST_EFFECTS = 3
 FEWEST_DAYS = 15
 """One cycle of blocks."""
 TRIED = 6
-"""Names tried in the simulator about an explanation: each costs some ten simulations. How often the right
-name is not among them has not been measured."""
+"""Number of names tried in the simulator per explanation: each costs about ten simulations. How often the
+right name is not among them has not been measured."""
 LEAST = 8.0
-"""Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
-scores a name needs several times as much to be probable."""
+"""Smallest worth of a candidate that is tried in the simulator [nats]: after the prior and the temper of the
+scores, a probable name has several times as much."""
 WINDOWS = 3
-"""Candidates that lend their windows of dates to an unknown daily flow."""
+"""Number of candidates with a window of dates that is tried for an unknown daily flow."""
 SECOND = 0.8
-"""Share of a name's best gain from which its second window is tried in the simulator as well."""
+"""Smallest ratio of the gains of a name's second and first window for which both are tried."""
 HOPELESS = 100.0
-"""Log-likelihood a day below the best response's from which unknown dynamics are not fitted to all days
-[nats]: in five development seasons effects gained up to 60."""
+"""Unknown dynamics this far below the best response in log-likelihood are not fitted to all days [nats per
+day]: in five development seasons, effects gained up to 60."""
 CARRIED = 0.8
-"""Least share of the days that a response must carry: with fewer its geometry is wrong."""
+"""Smallest share of the days with flows that a response must carry; below it the geometry is wrong."""
 COARSE = 3
-"""The fit of a response starts on every third open day."""
+"""A response is first fitted to every third open day."""
 SETTLING, CHAINS = 6, 2
-"""Days on which a response settles, and how often it does, each time by other draws. In a pool that waves
-cross in 1.5 samples one chain in four ended 700 nats or more behind the others on four days, none on
-eight."""
+"""Number of days on which a response settles, and of repetitions with other draws. In a pool that waves cross
+in 1.5 samples, one chain in four ended 700 nats or more behind the others on four days, none on eight."""
 CARRIED_ON = 2
-"""Starts from which a response is fitted to every third open day."""
+"""Number of settled responses that are fitted to every third open day."""
 CALIBRATION, ROUND = 0.15, 0.6
-"""Share of the work that the calibration is, and share of what is left that the next round is, for the time
-left: of six diagnoses 3 to 31 % and 50 to 96 %. How many rounds come is not known before."""
+"""Shares of the work, for the progress: of the calibration, and of each round in what remains. Six diagnoses
+had 3 to 31 % and 50 to 96 %. The number of rounds is not known in advance."""
 Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
-"""Days between the values of a size that varies with the date, and most values."""
+"""Days between the values of a size that varies with the date, and largest number of values."""
 STRANGERS: tuple[type[Effect], ...] = (LeavingFlow, UnsteadyGauge, UnknownSwing)
-"""Events and waves of an unknown cause, sought where no effect of the library comes as such."""
+"""Events and waves of unknown cause, searched for if the library has no effect of that form."""
 Grow = Callable[..., Explanation | None]
 Latent = Literal["flow", "gauge"]
 
 
 class Way(NamedTuple):
-    """How an explanation is extended by an effect."""
+    """An extension of an explanation by an effect."""
 
     name: str
     grow: Grow
@@ -99,7 +98,7 @@ class Way(NamedTuple):
 
 
 def _near(candidate: Candidate, record: Record) -> Way:
-    """A candidate, fitted near an explanation."""
+    """Return the extension by a candidate, fitted from the parameters of an explanation."""
     grow = partial(with_effect, candidate=candidate, record=record)
     return Way(candidate.effect.name, grow, candidate.columns)
 
@@ -178,7 +177,7 @@ def find_effects(
     most: int = MOST_EFFECTS,
     report: Report = lambda done, what: None,
 ) -> Study:
-    """All steps but the report; see :func:`diagnose`."""
+    """Run all steps except the verdict; see :func:`diagnose`."""
     responses = tuple(response) if isinstance(response, Sequence) else (response,)
     search = _Search(record, responses, classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
@@ -220,7 +219,7 @@ def find_effects(
 
 
 class _Search:
-    """All explanations tried so far."""
+    """The explanations tried so far, and the steps that add more."""
 
     def __init__(
         self,
@@ -243,7 +242,7 @@ class _Search:
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
         self.grown: dict[int, tuple[Library, Way]] = {}
-        """How each explanation extends its parent, by its identity."""
+        """Library and extension by which each explanation was made from its parent, by identity."""
         self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
@@ -251,7 +250,7 @@ class _Search:
     def _carried(
         self, responses: tuple[Response, ...], record: Record
     ) -> tuple[tuple[Response, ...], Record]:
-        """Responses that carry most of the days, and the days that these carry."""
+        """Return the responses that can carry the flows of most days, and the record of those days."""
         able: list[Response] = []
         days = np.ones(record.days, bool)
         for reach in responses:
@@ -275,17 +274,17 @@ class _Search:
         return tuple(able), record.take(days)
 
     def report(self, work: float, what: str) -> None:
-        """Report a piece of work that begins now; `work` is its share of what is left of the round."""
+        """Report a step that begins now; `work` is its share of the remainder of the round."""
         self._report(self._done, what + self._round)
         self._done += work * (self._until - self._done)
 
     def begin_round(self, turn: int, most: int) -> None:
-        """A round of explanations with one more effect begins: the calibration is a round, too."""
+        """Begin a round: explanations with one more effect are tried."""
         self._done, self._round = self._until, f", round {turn + 1} of {most} at most"
         self._until += ROUND * (1.0 - self._until)
 
     def add(self, one: Explanation) -> Explanation:
-        """An explanation with its score, in the pool."""
+        """Score an explanation, add it to the pool and return it."""
         one = self._scored(one)
         self.pool.append(one)
         return one
@@ -297,7 +296,7 @@ class _Search:
         return scored(one, self.record, self.dealt.block, self.tails)
 
     def begun(self) -> list[Explanation]:
-        """The best response without further effects, and those that one effect might make better."""
+        """Return the best response without further effects, then those that an effect could make better."""
         refused: list[RividError] = []
         part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
         rough: list[tuple[float, float, Model]] = []  # likelihood a day, and the same with an effect
@@ -341,7 +340,7 @@ class _Search:
         return sorted(promising or self.pool, key=self.score, reverse=True)
 
     def _calibrated(self, reach: Response, part: Record) -> tuple[float, Explanation]:
-        """The best fit of a response to some days, from its best starts, and its likelihood [nats a day]."""
+        """Return the log-likelihood [nats per day] and the best fit of a response to some days."""
         starts: Sequence[Response] = (reach,)
         if isinstance(reach, HydraulicResponse):
             few = part.take(_spread(part.days))
@@ -355,12 +354,12 @@ class _Search:
         return best_fit.likely, best_fit.one
 
     def _columns(self, one: Explanation, record: Record) -> Library:
-        """The columns of all trials about the response of an explanation, with the effects of the start."""
+        """Compute the columns of all trials about an explanation's response, with the initial effects."""
         bare = replace(one.model, effects=self.start, free=((),) * len(self.start))
         return Library.of(bare, record, self.classes)
 
     def _library(self, one: Explanation) -> Library:
-        """The same for all days, once for each kind of response."""
+        """Return the columns for all days, computed once for each kind of response."""
         name = one.model.reach.name
         if name not in self.libraries:
             self.report(0.2, f"{len(self.classes)} effects in the simulator")
@@ -368,14 +367,14 @@ class _Search:
         return self.libraries[name]
 
     def _promise(self, one: Explanation, part: Record) -> float:
-        """What an effect may gain on a response [nats a day]: twice the linear gain, as the noise shrinks."""
+        """Estimate an effect's largest gain [nats per day]: twice the linear one, since the noise shrinks."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
         found = screened(one, self._columns(one, part), part)
         return 2.0 * found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
-        """A response with the effects that are known from the start."""
+        """Return a model of a response with the initial effects only."""
         record = self.record
         noises = [e for e in self.start if e.found_as in LEVEL_NOISES]
         known = tuple(e for e in self.start if e.found_as not in LEVEL_NOISES)
@@ -386,27 +385,27 @@ class _Search:
         )  # fmt: skip
 
     def log_prior(self, parts: int) -> float:
-        """Of an explanation with so many names and unknowns: each number half as likely as one less.
+        """Return the log prior of an explanation with so many names and unknowns.
 
-        Each name and each unknown of the library is as likely as the others.
+        Each further one halves the prior; all names and unknowns of the library have the same.
         """
         return -(parts + 1) * float(np.log(2.0)) - parts * float(np.log(len(self.classes) + UNKNOWNS))
 
     def score(self, one: Explanation) -> float:
-        """Log density of the open days [nats]."""
+        """Return the log density of the open days [nats]."""
         assert one.density is not None
         return float(one.density[self.opened].sum())
 
     @property
     def first(self) -> Explanation:
-        """The best explanation without a further effect or anything unknown."""
+        """The best explanation with the initial effects only."""
         plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
         return max(plain, key=self.score)
 
     def ordered(self) -> list[Explanation]:
-        """The best explanation of each kind, the most probable first.
+        """Return the best explanation of each kind, the most probable first.
 
-        Without unknown dynamics, which are no ground for more.
+        Unknown dynamics are left out: they are not extended.
         """
         first, opened, block = self.first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
@@ -415,10 +414,9 @@ class _Search:
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """The most probable explanation with a material last effect or unknown.
+        """Return the most probable explanation with a last effect or unknown that is material.
 
-        Others gain likelihood, many nats where the response misses fronts, and none of the error: they would
-        take the place of what acts.
+        Immaterial effects can gain many nats if the response misses fronts, without reducing the error.
         """
         study = self.study()
         counts = (
@@ -427,7 +425,7 @@ class _Search:
         return next(counts, self.first)
 
     def extend(self, parent: Explanation) -> None:
-        """Explanations with one more effect, or something unknown, than `parent`."""
+        """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool."""
         parent, latent = self._with_unknown(parent)
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
@@ -465,7 +463,7 @@ class _Search:
     def _with_unknown_events(
         self, parent: Explanation, library: Library, effect: type[Effect], latent: Sequence[Explanation] = ()
     ) -> None:
-        """Add events or waves of an unknown cause, if there are any."""
+        """Add events or waves of unknown cause, if any are found."""
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
         if effect.found_as in LEVEL_NOISES:
             made = with_noise(parent, effect, self.record, prior, latent) if parent.bonus is None else None
@@ -475,7 +473,7 @@ class _Search:
             self.pool.append(self._scored(self._inflated(made, library)))
 
     def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
-        """The effects that were dated, each as likely as with any other dates."""
+        """Return candidates with the given dates and sizes; the prior is that of any other dates."""
         days, still = self.record.days, np.zeros(len(parent.sd))
         prior = -float(np.log(days * (days + 1) / 2))
         first = {
@@ -486,8 +484,8 @@ class _Search:
         return [candidate_of(effect, *first[effect.name], 0.0, prior, still) for effect in able]
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
-        """Add an unknown flow that returns every day, in the season and in the best candidates' windows, and
-        one with the period of what is left."""
+        """Add unknown flows that repeat every day, over the season and in the windows of the best candidates,
+        and one with the period of the residual."""
         self.report(0.05, "an unknown flow that returns")
         windows: dict[tuple[dt.date, dt.date] | None, float] = {None: 0.0}
         for candidate in found[:WINDOWS]:
@@ -519,7 +517,7 @@ class _Search:
     def _grow(
         self, parent: Explanation, library: Library, wanted: Sequence["Way"]
     ) -> list[Explanation | None]:
-        """Explanations with one more effect than `parent`; None where the reach cannot carry the flows."""
+        """Add extensions of `parent`; None for each that the reach cannot carry."""
         if wanted:
             self.report(0.2, "refitting with " + ", ".join(dict.fromkeys(way.name for way in wanted)))
 
@@ -539,7 +537,7 @@ class _Search:
         return made
 
     def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
-        """With the scatter of what it leaves, about the library's columns and about its own."""
+        """Return the explanation with the inflation of its scores along the library's and its own columns."""
         block = self.dealt.block
         found = [library.scatter(one, self.record, block)]
         if columns is not None:
@@ -547,11 +545,11 @@ class _Search:
         return replace(one, inflation=max(found))
 
     def _nominal(self, model: Model) -> Response:
-        """The nominal response of a model's kind."""
+        """Return the nominal response of the kind of a model."""
         return next(reach for reach in self.responses if reach.name == model.reach.name)
 
     def _some_days(self, parent: Explanation, which: Ints) -> Record:
-        """Some of the open days, less the events of an explanation."""
+        """Return some of the open days, with the events of an explanation subtracted."""
         chosen = np.flatnonzero(self.opened)[which]
         few = self.record.take(chosen)
         return replace(few, output=few.output - parent.coded[chosen])
@@ -559,8 +557,8 @@ class _Search:
     def _refitted(
         self, one: Explanation, near: Explanation | None, fresh: int = 2, enough: float = ENOUGH
     ) -> Explanation | None:
-        """An explanation fitted again from the response of one near by, or from where it is with all columns
-        anew; None where it carries no flows.
+        """Refit an explanation from the response of `near`, or from its own with new columns; None if the
+        reach cannot carry the flows.
 
         It is scored, and not yet in the pool.
         """
@@ -572,16 +570,16 @@ class _Search:
         return None if again is None else self._scored(again)
 
     def _carrying(self, model: Model, **given: Any) -> Explanation | None:
-        """A model fitted to the open days; None where it cannot carry the flows of all days."""
+        """Fit a model to the open days; None if it cannot carry the flows of all days."""
         try:
             return fitted(model, self.record, self.opened, **given)
         except RividError:
             return None
 
     def add_rivals(self, lead: Explanation) -> None:
-        """Add what is easily mistaken for what `lead` adds, with its dates.
+        """Add the effects that are confounded with the one that `lead` adds, with the same dates.
 
-        A response that has bent to a change hides from one of them when it was, and shows it to another.
+        A response biased by a change can hide its dates from one of them and show them to another.
         """
         effect, parent = lead.added, lead.parent
         if effect is None or parent is None or effect.found_as:
@@ -591,11 +589,10 @@ class _Search:
         self._grow(parent, library, [_near(one, self.record) for one in found])
 
     def polished(self, lead: Explanation) -> Explanation:
-        """The lead after `lead` and its rivals were fitted on, with columns about their own responses.
+        """Refit `lead` and its rivals with columns about their own responses, and return the new lead.
 
-        All rivals from the response of the lead, where one may lie a thousand nats higher; from their own too
-        those that could be as good if they gained as much as `lead` did, and all that are easily mistaken for
-        it. Fitted on alone, it would leave them behind.
+        All rivals are refitted from the response of `lead`, which can raise one by a thousand nats. Those that
+        would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
         """
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
@@ -613,9 +610,9 @@ class _Search:
         return self.lead()
 
     def _settled(self, one: Explanation) -> Explanation:
-        """An explanation from the response that settles with its effects, or from its own, if that is better.
+        """Return the better of an explanation and its refit from a response that settled with its effects.
 
-        What it extends may have bent to what it lacked, into a maximum that no step leaves.
+        The response of its parent may be biased by the missing effect, at a maximum that no step leaves.
         """
         nominal = self._nominal(one.model)
         if not isinstance(nominal, HydraulicResponse):
@@ -630,7 +627,7 @@ class _Search:
         return self._instead(one, more)
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
-        """Explanations fitted on from the response of one near by, or their own, where that is better."""
+        """Refit explanations from the response of `near`, or their own; return the better of each pair."""
         made = side_by_side(partial(self._fitted_on, near=near), many)
         self.pool += [more for more in made if more is not None]
         return [
@@ -639,9 +636,9 @@ class _Search:
         ]
 
     def _fitted_on(self, one: Explanation, near: Explanation | None) -> Explanation | None:
-        """An explanation fitted on while that may make it the likeliest of all.
+        """Refit an explanation as long as it can become the likeliest of all.
 
-        From the response of another one new columns are computed only where it is better with that.
+        New columns about the response of `near` are computed only if the fit is better with it.
         """
         if near in (None, one):
             behind = max(map(self.score, self.pool)) - self.score(one)
@@ -652,15 +649,15 @@ class _Search:
         return self._refitted(more, more, 1) if more is not None and better else more
 
     def _instead(self, one: Explanation, more: Explanation) -> Explanation:
-        """A better fit of an explanation, which is extended as that one."""
+        """Return `more`, registered as the same extension as `one`."""
         if id(one) in self.grown:
             self.grown[id(more)] = self.grown[id(one)]
         return more
 
     def shifted(self, lead: Explanation) -> Explanation:
-        """The lead with the dates and hours of its last effect moved to where they are likelier.
+        """Move the dates and hours of the last effect of `lead` as long as that is likelier.
 
-        They were sought by columns, which hold near by and near the response of what it extends.
+        They were found with columns, which are valid near the parent's response only.
         """
         effect = lead.added
         if effect is None or effect.found_as or not (effect.dates or effect.hours):
@@ -684,15 +681,15 @@ class _Search:
             lead = self._instead(lead, best)
 
     def likeliest(self, parent: Explanation) -> Explanation:
-        """The likeliest extension of `parent` by an effect; itself if none is likelier by :data:`LEAST`."""
+        """Return the likeliest extension of `parent` by an effect; `parent` if none gains :data:`LEAST`."""
         more = [one for one in self.pool if one.parent is parent and one.count[0] > parent.count[0]]
         lead = max(more, key=self.score, default=parent)
         return parent if self.score(lead) < self.score(parent) + LEAST else lead
 
     def again(self, parent: Explanation) -> Explanation:
-        """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
+        """Refit `parent` from the response of its likeliest extension; return the better one.
 
-        An effect that leads the fit of the response out of a local optimum gains what is not its own.
+        Otherwise an effect that leads the response out of a local optimum is credited with that gain.
         """
         lead = self.likeliest(parent)
         if lead is parent:
@@ -712,10 +709,10 @@ class _Search:
         return one
 
     def level_rivals(self, lead: Explanation) -> None:
-        """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without.
+        """Extend the rivals of the parent of `lead` by the same effect, so that twins stay comparable.
 
-        Effects that are easily mistaken for each other stay rivals however far one is ahead: what is added
-        to one alone would carry it further. So with something unknown.
+        Confounded effects stay rivals however far one is ahead, since a further effect added to one alone
+        would increase its lead. The same holds for an unknown flow or gauge.
         """
         latent = lead.unknown if lead.added is None and lead.unknown != "dynamics" else ""
         if lead.parent is None or not latent and id(lead) not in self.grown:
@@ -738,7 +735,7 @@ class _Search:
                 self._grow(rival, library, [way])
 
     def varied(self, lead: Explanation) -> Explanation:
-        """The same with a size of its last effect that varies with the date, where it predicts better."""
+        """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""
         effect = lead.added
         if effect is None or lead.others or not effect.varies_with_date or effect.dates is None:
             return lead
@@ -760,7 +757,7 @@ class _Search:
         return max(found, key=self.score)
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
-        """Add an unknown flow and an unknown gauge; the parent again, where they led to a better fit."""
+        """Add an unknown flow and an unknown gauge; refit the parent from their response if it is better."""
         if parent.unknown or parent.bonus is not None:  # beside a seiche no noise is fitted
             return parent, []
         self.report(0.1, "an unknown flow, an unknown gauge")
@@ -777,7 +774,7 @@ class _Search:
         return max((one for one in (parent, again) if one is not None), key=self.score), found
 
     def _latent(self, parent: Explanation, kind: Latent) -> Explanation | None:
-        """`parent` with an unknown flow or an unknown gauge, in the pool; None where it carries no flows."""
+        """Add `parent` with an unknown flow or gauge; None if the reach cannot carry the flows."""
         one = self._carrying(
             replace(parent.model, noise_kind=kind), start=parent, unknown=kind, parent=parent,
             log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), others=parent.others,
@@ -786,26 +783,26 @@ class _Search:
         return None if one is None else self.add(one)
 
     def study(self) -> Study:
-        """What was found."""
+        """Return the explanations found."""
         return Study(self.record, self.dealt, tuple(self.pool), self.first, tuple(self.notes), self.start)
 
 
 UNKNOWNS = 2
-"""Unknown flows and unknown gauges, beside the names."""
+"""An unknown flow and an unknown gauge count as names in the prior."""
 
 
 def _spread(days: int) -> Ints:
-    """Days on which a response settles, evenly among so many."""
+    """Return the days on which a response settles, evenly spaced."""
     return np.unique(np.linspace(0, days - 1, SETTLING).astype(int))
 
 
 def _coarse(reach: Response) -> Response:
-    """The same response on half the cells, in a quarter of the time."""
+    """Return the response on half the cells, which takes a quarter of the time."""
     return replace(reach, cells=reach.cells // 2) if isinstance(reach, HydraulicResponse) else reach
 
 
 def _able(nominal: Response, reach: Response, record: Record) -> Response:
-    """`reach`, as far from the nominal one as it carries all days."""
+    """Return `reach`, moved towards the nominal response until it carries all days."""
     here, there = vector_of(nominal), vector_of(reach)
     for way in (1.0, 0.5, 0.25):
         between = reach.with_parameters(here + way * (there - here))
@@ -818,7 +815,7 @@ def _able(nominal: Response, reach: Response, record: Record) -> Response:
 
 
 def _firsts(found: Sequence[Candidate]) -> list[Candidate]:
-    """The best candidate of each name."""
+    """Return the best candidate of each name."""
     best: dict[str, Candidate] = {}
     for one in found:
         best.setdefault(one.effect.name, one)
@@ -826,7 +823,7 @@ def _firsts(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:
-    """The best candidate of each of the first names, and its second one where it is nearly as good."""
+    """Return the best candidate of each of the first names, and the second one if it is nearly as good."""
     tried: dict[str, list[Candidate]] = {}
     for one in found:
         same = tried.get(one.effect.name, [])
