@@ -27,7 +27,7 @@ _VOLUME = (
     "h_L moves {ratio:multiple} u_Qi and u_Qo imply on [reach] {area_of} = {area:g} m2{is_declared:default}"
 )
 _BED = "the median of h_L is {median:.4g} m where [reach] bed_level is {bed:g} m: check [input.units] h_L"
-_ROWS = "{columns} every {spacing_s:g} s"
+_ROWS = "{columns} every {every}"
 _PERIOD = "[reach] sample_time is {expected_s:g} s"
 _COLUMN = "set [input.interval] {column} = {spacing_s:g}"
 TEXTS = {
@@ -71,7 +71,8 @@ TEXTS = {
     "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
     "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "
     "travel-time bounds do not cover these flows",
-    "stuck": "{output} stands still while the flows move: is the gauge stuck? On {example}",
+    "stuck": "{output} stands still or flickers by one step while the flows move: is the gauge stuck? On "
+    "{example}",
     "jump": "{output} jumps and no flow explains it: was the gauge moved, or its datum? On {example}",
     "spike": "{output} leaps away and back: is it a fault of the gauge? If a number means not measured: "
     "[input] sentinels. On {example}",
@@ -86,7 +87,7 @@ TEXTS = {
     "negative.some": "{column} is negative, down to {lowest:.4g} m3/s: a sign, a sentinel, or pumping?",
     "negative.mean": "{column} is negative on average, down to {lowest:.4g} m3/s: is its sign reversed?",
     "moment": "{column} is far off for a moment, and returns: a lost digit? On {example}",
-    "interval.finer": f"{_ROWS}; {_PERIOD}: flows are averaged, of a level other rows are not used",
+    "interval.finer": f"{_ROWS}; {_PERIOD}: flows are averaged over each sample, {{output}} is interpolated",
     "interval.sample_time": f"{_ROWS}; {_PERIOD}: set sample_time = {{spacing_s:g}}",
     "interval.column": f"{_ROWS}; {_PERIOD}: {_COLUMN}",
     "interval.declared": f"{_ROWS}; [input.interval] declares {{expected_s:g}} s: {_COLUMN}",

@@ -3,6 +3,7 @@
 import datetime as dt
 from collections.abc import Collection, Sequence
 from hashlib import sha256
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ STEPS = 1.5
 """Smallest motion of the level that the flows imply for the spell [steps of the gauge]."""
 FLOW_STEPS, FLOW_SHARE = 5.0, 0.15
 """The same for a river: steps of the gauge, and share of the flow."""
+FLICKER = 2
+"""Range of a stuck gauge that flickers [steps of the gauge]: one step up and down."""
 MOST = 3
 """Most spells of a day that are compared."""
 
@@ -73,29 +76,42 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
     return [*([Finding("stuck", {"output": record.output}, days)] if days else []), *found]
 
 
-def _spells(values: Floats) -> list[tuple[int, int]]:
-    """Return the ranges of samples in which a series does not change, the longest first."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
-    spells = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+def _spells(values: Floats, within: float) -> list[tuple[int, int]]:
+    """Return the ranges of samples in which a series stays within a range, the longest first."""
+    edges, low, high = [0], values[0], values[0]
+    for k, value in enumerate(values.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > within:
+            edges.append(k)
+            low = high = value
+    spells = [(a, b) for a, b in pairwise([*edges, len(values)]) if b - a > 1]
     return sorted(spells, key=lambda spell: spell[0] - spell[1])
 
 
 def _still(record: Record, fits: Fits) -> Spells:
-    """Return the spells in which the flows move and the output does not."""
-    every = {date: _spells(day[record.output]) for date, day in record.days.items()}
-    # the second longest: a day's longest spell may be the fault
-    usual = np.median([spells[1][1] - spells[1][0] if len(spells) > 1 else 1 for spells in every.values()])
-    least = max(SHORTEST, SAMPLES * record.step, LONGER * float(usual) * record.step)
+    """Return the spells in which the flows move and the output does not, or only flickers.
+
+    An output that only flickers is compared where the flows explain it: operators hold levels, too.
+    """
     still: Spells = {}
-    for date, spells in every.items():
-        for first, last in sorted(spells[:MOST]):
-            if (last - first) * record.step >= least and _moved(record, fits, date, first, last):
-                still.setdefault(date, []).append((first, last))
-    return still
+    explained = record.balanced and fits.together[0].explained >= BELIEVED
+    for steps in (0, FLICKER) if explained else (0,):
+        within = 1.001 * steps * record.resolution
+        every = {date: _spells(day[record.output], within) for date, day in record.days.items()}
+        # the second longest: a day's longest spell may be the fault
+        usual = np.median([spells[1][1] - spells[1][0] if spells[1:] else 1 for spells in every.values()])
+        least = max(SHORTEST, SAMPLES * record.step, LONGER * float(usual) * record.step)
+        for date, spells in every.items():
+            for first, last in spells[:MOST]:
+                known = any(a < last and first < b for a, b in still.get(date, ()))
+                long = (last - first) * record.step >= least
+                if long and not known and _moved(record, fits, date, first, last, steps):
+                    still.setdefault(date, []).append((first, last))
+    return {date: sorted(still[date]) for date in sorted(still)}
 
 
-def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> bool:
-    """Return whether the flows must have moved the output in a spell."""
+def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int, steps: int) -> bool:
+    """Return whether the flows must have moved the output in a spell, by more than these steps."""
     day, step = record.days[date], record.step
     fit = fits.together[0]
     late = round(fit.lag_in / step) if fit.explained >= BELIEVED else 0
@@ -111,7 +127,7 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> 
     moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
     volume = np.cumsum(moved - moved.mean())[first:last] * step
     gain = 0.5 * (fit.gain_in - fit.gain_out) if fit.explained >= BELIEVED else 1 / record.area[0]
-    return float(np.ptp(volume)) * gain > STEPS * max(record.resolution, 1e-3)
+    return float(np.ptp(volume)) * gain > (STEPS + steps) * max(record.resolution, 1e-3)
 
 
 def _jumps(record: Record, still: Spells, seams: Collection[dt.date]) -> list[Finding]:

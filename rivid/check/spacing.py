@@ -8,7 +8,7 @@ import numpy as np
 from rivid.check.findings import Finding, list_dates
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.logs.days import DaySource
+from rivid.logs.days import MISSED, DaySource
 from rivid.logs.log import load
 from rivid.logs.spec import MICRO, clocks_change, local, shown, spec_of
 from rivid.types import Ints
@@ -17,16 +17,22 @@ OFF = 0.02
 """Smallest reported difference between the spacing and T_s [relative]."""
 FEW = 0.05
 """Smallest share of days with another spacing: fewer are days with gaps."""
+UNEVEN, ODD = 0.1, 0.3
+"""Distance of a step from a multiple of the median one, relative to it, that is odd; share of odd steps
+beyond which rows are irregular. Multiples are missing rows."""
 HOUR = 3600 * MICRO
 
 
 class Spacing:
-    """Median spacing of each column's rows, day by day; `root` is DATA_DIR, or one file."""
+    """Spacing of each column's rows, day by day; `root` is DATA_DIR, or one file.
+
+    `steps` holds the median twice [s] or, where rows are irregular, the 5th and the 95th percentile.
+    """
 
     def __init__(self, root: Path, config: Config) -> None:
         self.folder = root if root.is_dir() else root.parent
         self.config, self.spec = config, spec_of(config)
-        self.usual: dict[str, dict[dt.date, float]] = {}
+        self.steps: dict[str, dict[dt.date, tuple[float, float]]] = {}
         self.skipped: list[dt.date] = []
         self.repeated: list[dt.date] = []
 
@@ -40,7 +46,11 @@ class Spacing:
         series = log.of_day(source.date)
         for name, (times, _) in series.items():
             if len(times) > 2:
-                self.usual.setdefault(name, {})[source.date] = float(np.median(np.diff(times))) / MICRO
+                steps = np.diff(times) / MICRO
+                low = high = float(np.median(steps))
+                if np.mean(np.abs(steps / low - np.maximum(np.round(steps / low), 1)) > UNEVEN) > ODD:
+                    low, high = np.percentile(steps, (5, 95)).tolist()
+                self.steps.setdefault(name, {})[source.date] = low, high
         if clocks_change(source.date):
             if "is logged twice with different" in reason:
                 self.repeated.append(source.date)
@@ -60,24 +70,40 @@ class Spacing:
     def _intervals(self) -> list[Finding]:
         period = self.config.reach.sample_time
         expected = {signal.name: signal.spacing / MICRO for signal in self.spec.signals}
-        odd: dict[float, dict[str, list[dt.date]]] = {}
+        uneven = {
+            name: np.median(ends, axis=0).tolist()
+            for name, days in self.steps.items()
+            if (ends := [step for step in days.values() if step[0] < step[1]])
+        }
+        # in which nearly each sample has a row; one for columns that are alike
+        minutes: dict[str, float] = {}
+        for name, (_, high) in sorted(uneven.items(), key=lambda item: -item[1][1]):
+            alike = (each for each in minutes.values() if each < MISSED * high)
+            minutes[name] = next(alike, 60.0 * max(round(high / 60), 1))
+        odd: dict[tuple[float, bool], dict[str, list[dt.date]]] = {}
         for name, spacing in expected.items():
-            for date, usual in self.usual.get(name, {}).items():
+            for date, (low, high) in self.steps.get(name, {}).items():
+                usual = minutes[name] if low < high else high
                 if abs(usual / spacing - 1) > OFF:
-                    odd.setdefault(float(f"{usual:.3g}"), {}).setdefault(name, []).append(date)
-        total = len({date for days in self.usual.values() for date in days})
+                    key = float(f"{usual:.3g}"), low < high
+                    odd.setdefault(key, {}).setdefault(name, []).append(date)
+        total = len({date for days in self.steps.values() for date in days})
         found = []
-        for usual, columns in odd.items():
+        for (usual, irregular), columns in odd.items():
             dates = sorted({date for days in columns.values() for date in days})
             if len(dates) < max(2, FEW * total) and total > 1:
                 continue
             first = next(iter(columns))
             declared = any(round(expected[name] * MICRO) != round(period * MICRO) for name in columns)
-            every = "sample_time" if len(columns) == len(expected) else "column"
-            code = "declared" if declared else "finer" if usual < period else every
+            whole = "sample_time" if len(columns) == len(expected) else "column"
+            code = "declared" if declared else "finer" if usual < period else whole
+            every = f"{usual:g} s"
+            if irregular:
+                lows, highs = zip(*(uneven[name] for name in columns), strict=True)
+                every = f"{min(lows):.0f} to {max(highs):.0f} s, at irregular times"
             values = {
-                "columns": ", ".join(columns), "column": first, "spacing_s": usual,
-                "expected_s": expected[first] if declared else period,
+                "columns": ", ".join(columns), "every": every, "column": first, "spacing_s": usual,
+                "expected_s": expected[first] if declared else period, "output": self.spec.output,
             }  # fmt: skip
             days: dict[dt.date, dict[str, str]] = {} if len(dates) == total else {d: {} for d in dates}
             found.append(Finding(f"interval.{code}", values, days))

@@ -145,8 +145,11 @@ def check_names(
     for column, role in wanted:
         count = names.count(column)
         if count > 1:
-            several = "; where two rows make one name, set [input] header_rows = 2"
-            raise ColumnError(f"{where}: {count} columns are named {column!r}: expected one{several}")
+            several = "set [input] columns to the names of all, each once, and skip_rows to pass the header"
+            rows = "where two rows make one name, set header_rows = 2"
+            raise ColumnError(
+                f"{where}: {count} columns are named {column!r}: expected one; {several}; {rows}"
+            )
         if not count:
             raise ColumnError(
                 f"{where}: no column {column!r} for {role}; {_advice(column, role, names, spec, header)}"

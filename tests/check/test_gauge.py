@@ -29,6 +29,17 @@ def test_a_gauge_that_stands_still_for_hours_or_days():
     assert str(finding).startswith("2008-01-06 to 2008-01-12 (7 days): ")
 
 
+def test_a_stuck_gauge_that_flickers_by_one_step():
+    days, config = sound(15)
+    noise = 0.01 * np.round(np.random.default_rng(1).normal(0, 0.4, len(days[0].output)))
+    flickering = [
+        replace(day, output=days[8].output[0] + noise) if 8 <= k < 11 else day for k, day in enumerate(days)
+    ]
+    finding = the_one(flickering, config, "stuck", when=slice(8, 11))
+    for of_day in finding.days.values():
+        assert sum(item["duration_s"] for item in of_day["items"]) > 12 * 3600
+
+
 def test_a_gauge_that_is_freed_at_midnight_makes_no_jump():
     days, config = sound(15)
     freed = raised(days, 9, 0, 0.5)

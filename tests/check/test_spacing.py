@@ -2,6 +2,7 @@
 
 import datetime as dt
 
+import numpy as np
 import pytest
 
 from rivid.check import check
@@ -23,6 +24,7 @@ def test_rows_with_another_spacing(tmp_path, seconds, code):
     assert (finding.code, values["columns"]) == (f"interval.{code}", "u_Qi, u_Qo, h_L")
     assert (values["spacing_s"], values["expected_s"]) == (seconds, 133)
     assert finding.wrong is (code != "finer") and report.exit_code == (3 if finding.wrong else 0)
+    assert ("h_L is interpolated" in finding.text) is (code == "finer")
 
 
 def test_one_column_with_another_spacing(tmp_path):
@@ -35,10 +37,42 @@ def test_one_column_with_another_spacing(tmp_path):
     assert finding.values["spacing_s"] == 532
 
 
+def test_missing_rows_are_no_irregular_times(tmp_path):
+    rng = np.random.default_rng(1)
+    for k in range(2):
+        date = DAY + dt.timedelta(days=k)
+        kept = [row for row in rows(date) if rng.random() < 0.6]
+        put(tmp_path, kept, name=f"{date}.csv")
+    assert of_kind(tmp_path, "interval") == []
+
+
 def test_a_day_with_gaps_has_no_other_spacing(tmp_path):
     dates = write_days(tmp_path, 30)
     put(tmp_path, rows(dates[3])[::3], name=f"{dates[3]}.csv")
     assert of_kind(tmp_path, "interval") == []
+
+
+@pytest.mark.parametrize(
+    ("sample_time", "found"), [(302, ["interval.sample_time"]), (360, []), (600, ["interval.finer"])]
+)
+def test_rows_at_irregular_times_are_one_finding(tmp_path, sample_time, found):
+    rng = np.random.default_rng(2)
+    for date in (DAY + k * dt.timedelta(days=1) for k in range(8)):
+        each = rows(date, n=288, step=300)
+        at = [dt.datetime.combine(date, dt.time()) + dt.timedelta(seconds=300 * k) for k in range(288)]
+        lines = []
+        for column in (1, 2, 3):
+            for k in range(288):  # 3 to 7 min apart
+                late = dt.timedelta(seconds=int(rng.integers(-60, 61)) if k else 0)
+                cells = [each[k][c] if c == column else "" for c in (1, 2, 3)]
+                lines.append([f"{(at[k] + late).isoformat()}+01:00", *cells])
+        put(tmp_path, sorted(lines), name=f"{date}.csv")
+    findings = check(tmp_path, config({"sample_time": sample_time})).findings
+    interval = [finding for finding in findings if finding.kind == "interval"]
+    assert [finding.code for finding in interval] == found
+    for finding in interval:
+        assert finding.values["columns"] == "u_Qi, u_Qo, h_L" and finding.days == {}
+        assert finding.values["spacing_s"] == 360 and "at irregular times" in finding.text
 
 
 @pytest.mark.parametrize("zone", ["+01:00", ""])

@@ -39,6 +39,9 @@ def choices(proposal, key):
         ("Vazão afluente (m3/s)", "Vazão defluente (m3/s)", "Cota montante (m)"),
         ("Caudal afluente", "Caudal efluente", "Nível da albufeira"),
         ("Débit des apports", "Débit sortant", "Cote du plan d'eau"),
+        ("Portata in arrivo", "Portata scaricata a valle (m3/s)", "Quota invaso (m s.l.m.)"),
+        ("Portata a monte", "Portata a valle", "Altezza idrometrica"),
+        ("Caudal entrante", "Caudal saliente", "Altura de lámina"),
     ],
 )
 def test_the_words_of_other_languages_are_known(proposed, inflow, outflow, level):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rivid.config import Config, parse
+from rivid.errors import DataError, RividError
 from rivid.logs.days import find_days, read_window
 from rivid.logs.exports import ingest
 from rivid.logs.sniff.columns import stated_unit
@@ -81,6 +82,11 @@ FILES = {
             UP, DOWN, 100 * LEVEL, separator=";", clock="%d/%m/%Y %H.%M",
         ),
         {"time_format": "%d/%m/%Y %H.%M", "units": {"u_Qi": "m3/s", "u_Qo": "m3/s", "h_L": "cm"}},
+        (UP, LEVEL),
+    ),
+    "two columns of one name": (
+        wide("time,flow,flow,level (m)", UP, DOWN, LEVEL),
+        {"u_Qi": "flow 2", "u_Qo": "flow 3", "columns": ["time", "flow 2", "flow 3", "level (m)"]},
         (UP, LEVEL),
     ),
     "times of twelve digits": (
@@ -161,3 +167,80 @@ def test_one_missing_value_an_hour_fails_no_day(tmp_path):
     assert raw["input"]["max_gap"] == raw["reach"]["sample_time"] == 3600
     outcome = ingest([path], tmp_path / "logs", parse(raw, Config))
     assert [day.status for day in outcome.days] == ["good"] * 2 or outcome.exit_code == 0
+
+
+CODES = {"one name": "Q Q Q", "a name of flags": "Status Status Status", "names of flows": "Q1 Q2 Q3"}
+
+
+@pytest.mark.parametrize("names", CODES.values(), ids=CODES)
+@pytest.mark.parametrize("above", ["", "# exported\n", "plant: lower\n\n"])
+def test_codes_beside_each_value_are_its_quality_and_the_proposal_drops_what_is_bad(names, above, tmp_path):
+    path, codes = tmp_path / "export.csv", ["192"] * 97
+    codes[7], codes[60] = "0", "24"
+    q1, q2, q3 = names.split()
+    lines = [f"time;UP total [m³/s];{q1};DN total [m³/s];{q2};DN level [m];{q3}"]
+    for k, (t, i, o, h) in enumerate(zip(TIMES, UP, DOWN, LEVEL, strict=True)):
+        bad = codes[k] != "192"
+        lines.append(f"{t};{i};192;{o};192;{0 if bad else h};{codes[k]}")
+    path.write_text(above + "\n".join(lines))
+    proposal = sniff(path, "UTC")
+    raw = tomllib.loads(proposal.toml)
+    keys = raw["input"]
+    assert (keys["u_Qi"], keys["u_Qo"], keys["h_L"]) == ("UP total [m³/s]", "DN total [m³/s]", "DN level [m]")
+    assert keys["good"] == ["192"] and set(keys["quality"]) == {"u_Qi", "u_Qo", "h_L"}
+    assert "good" in proposal.open_keys and "ignore" not in keys
+    outcome = ingest([path], tmp_path / "logs", parse({**raw, "input": {**keys, "max_gap": 900}}, Config))
+    assert outcome.exit_code == 0
+    level = [line.split(",")[3] for line in (tmp_path / "logs/2024-05-01.csv").read_text().splitlines()[1:]]
+    assert [k for k, cell in enumerate(level) if not cell] == [7, 60] and "0" not in level
+
+
+def test_a_flow_of_whole_numbers_that_rests_is_no_quality(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(wide("time,spill [m3/s],gates [m3/s],level [m],inflow [m3/s]", 0 * UP, 0 * UP, LEVEL, UP))
+    keys = tomllib.loads(sniff(path, "UTC").toml)["input"]
+    assert "quality" not in keys and keys["u_Qo"] == ["spill [m3/s]", "gates [m3/s]"]
+
+
+def test_the_error_for_two_columns_of_one_name_gives_the_keys_to_set(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(wide("time,Q,Q,level", UP, DOWN, LEVEL))
+    with pytest.raises(RividError, match=r"2 columns are named 'Q'.*columns.*skip_rows.*header_rows"):
+        ingest([path], tmp_path / "logs", parse({"input": {"u_Qi": "Q", "u_Qo": "", "h_L": "level"}}, Config))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "time_format"),
+    [("time", 1, "unix"), ("t_ms", 1000, "unix_ms"), ("Zeit", 1000, "unix_ms"), ("x", 1, "unix")],
+)
+def test_numbers_of_seconds_or_milliseconds_since_1970_are_times(name, unit, time_format, tmp_path):
+    path = tmp_path / "export.csv"
+    stamps = [str(1710025200 * unit + 300 * unit * k) for k in range(97)]
+    rows = [f"{t},{i},{o},{h}" for t, i, o, h in zip(stamps, UP, DOWN, LEVEL, strict=True)]
+    path.write_text("\n".join([f"{name},inflow_m3s,outflow_m3s,level_m", *rows]))
+    raw = tomllib.loads(sniff(path).toml)
+    assert raw["input"]["time_format"] == time_format and raw["input"].get("time", "time") == name
+    assert raw["reach"]["sample_time"] == 300
+
+
+def test_numbers_that_are_no_times_are_refused_with_the_formats_of_numbers(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text("storage,inflow_m3s,level_m\n" + "".join(f"{4e8:.0f},{100 + k},{k}\n" for k in range(9)))
+    with pytest.raises(DataError, match="unix_ms"):
+        sniff(path)
+
+
+def test_ten_digits_are_a_date_with_its_hour(tmp_path):
+    path = tmp_path / "export.csv"
+    times = [dt.datetime(2024, 5, 1) + dt.timedelta(hours=k) for k in range(49)]
+    path.write_text("date,inflow,level\n" + "".join(f"{t:%Y%m%d%H},{100 + t.hour},5\n" for t in times))
+    raw = tomllib.loads(sniff(path, "UTC").toml)
+    assert (raw["input"]["time_format"], raw["reach"]["sample_time"]) == ("%Y%m%d%H", 3600)
+
+
+@pytest.mark.parametrize(("n", "end"), [(3, "c.csv."), (4, "c.csv, ... (4 files).")])
+def test_the_proposal_names_its_files_or_their_number(n, end, tmp_path):
+    paths = [tmp_path / f"{name}.csv" for name in "abcd"[:n]]
+    for path in paths:
+        path.write_text(wide("time,inflow_m3s,level_m", UP, LEVEL))
+    assert f"Proposed for a.csv, b.csv, {end}" in sniff(paths, "UTC").toml.splitlines()[0]

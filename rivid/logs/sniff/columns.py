@@ -37,19 +37,22 @@ TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a
 _ROLES = (
     (
         "h_L",
-        r"level|stage|niveau|cot[ea]|pegel|wasserstand|elev|height|forebay|hauteur|livello|n[ií]vel|^h(_l)?$|^z$"
+        r"level|stage|niveau|c[oô]t[ea]|pegel|wasserstand|elev|height|forebay|hauteur|livell[oi]|n[ií]vel"
+        r"|quota|altezza|altura|idrometr|limn[ií]|plan d'eau|l[áâa]mina|^h(_l)?$|^z$"
         rf"|{TIDE}"
         r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
         r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
-        r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
+        r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])"
+        r"|(?<![a-z])valle(?![a-z])|scaric|uscent|uscita",
     ),
     (
         "u_Qi",
         r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"
-        r"|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])",
+        r"|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])"
+        r"|(?<![a-z])monte(?![a-z])|arrivo|ingress",
     ),
     ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|vaz[ãa]o|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
@@ -59,7 +62,7 @@ _SURE = {
     r"|deflu|efluent",
     "flow": r"^q_l$",
 }
-_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|jusante"
+_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|monte|jusante|valle"
 """Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
 _QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"
@@ -253,7 +256,7 @@ def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str
 
 
 GOOD = frozenset(("good", "ok", "valid", "a", "approved", "0", "192", "g", "gut", "bon", "normal"))
-"""Flags that mean a good value wherever they are used."""
+"""Flags that usually mean a good value; beside OPC's 192, 0 means a bad one."""
 OFFSETS = {
     "UTC": "+00:00", "GMT": "+00:00", "Z": "+00:00", "WET": "+00:00", "WEST": "+01:00", "BST": "+01:00",
     "CET": "+01:00", "MEZ": "+01:00", "CEST": "+02:00", "MESZ": "+02:00", "EET": "+02:00", "EEST": "+03:00",
@@ -261,6 +264,34 @@ OFFSETS = {
     "PST": "-08:00", "PDT": "-07:00", "AKST": "-09:00", "AKDT": "-08:00",
 }  # fmt: skip
 """What abbreviations of zones usually mean."""
+
+
+def code_columns(layout: Layout) -> list[int]:
+    """Places of the columns of quality codes: whole numbers without unit, behind each column of values.
+
+    Most rows of each have the same one. The values state the unit of a flow, or the codes have one name.
+    """
+    names, units = layout.names, layout.units
+    cells = {i: [row[i] for row in layout.rows] for i, n in enumerate(names) if n and i not in layout.time_at}
+    flows, levels = ({i for i in cells if stated_unit(names[i], units[i], level=k)} for k in (False, True))
+    whole = {i for i in cells.keys() - flows - levels if all(re.fullmatch(r"\d*", cell) for cell in cells[i])}
+    few = {i for i in whole if len(set(cells[i])) <= MANY_TEXTS}
+    codes = [i + 1 for i, column in cells.items() if i not in few and _numeric(column)]
+    if len(codes) < 2 or not few >= set(codes) or not (flows or len({names[i] for i in codes}) == 1):
+        return []
+    common = [Counter(cells[i]).most_common(1)[0] for i in codes]
+    alike = len({code for code, _ in common} | {""}) == 2
+    return codes if alike and 2 * min(count for _, count in common) > len(layout.rows) else []
+
+
+def name_each(layout: Layout) -> None:
+    """Make names that occur twice unique: of flags by the column to their left, of others by their place."""
+    counts, codes, names = Counter(layout.names), code_columns(layout), list(layout.names)
+    for i, name in enumerate(layout.names):
+        if name and counts[name] > 1:
+            flag = i in codes or (_is_flag(name) and names[i - 1] not in ("", name))
+            names[i] = f"{names[i - 1]} {name}" if flag else f"{name} {i + 1}"
+    layout.names = tuple(names)
 
 
 @dataclass(frozen=True)
@@ -285,24 +316,29 @@ def find_flags(layout: Layout) -> Flags:
     texts = {name: set(column) for name, column in cells.items()}
     zone_column = next((name for name in names if texts[name] and texts[name] <= set(OFFSETS)), "")
     zones = {zone: OFFSETS[zone] for zone in sorted(texts.get(zone_column, ()))}
-    read = {layout.value} if layout.value else {n for n in names if not _is_flag(n) and _numeric(cells[n])}
+    codes = {} if layout.value else {layout.names[i]: layout.names[i - 1] for i in code_columns(layout)}
+    numbers = {n for n in names if n not in codes and not _is_flag(n) and _numeric(cells[n])}
+    read = {layout.value} if layout.value else numbers
     doubtful = [
         name
         for name in names
         if name != zone_column
         and not is_unit_column(name)
-        and looks_like_flags(name, texts[name] if len(texts[name]) <= MANY_TEXTS else None, read)
+        and (
+            name in codes
+            or looks_like_flags(name, texts[name] if len(texts[name]) <= MANY_TEXTS else None, read)
+        )
     ]
     if doubtful:  # where others are used, an empty one is a column of flags too
         empty = [name for name in names if texts[name] == {""} and _is_flag(name) and _owner(name, read)]
         doubtful = [name for name in names if name in doubtful or name in empty]
-    flags = {} if layout.value else {o: n for n in doubtful if (o := _owner(n, read))}
+    flags = {} if layout.value else {o: n for n in doubtful if (o := codes.get(n) or _owner(n, read))}
     free = [name for name in doubtful if _is_flag(name) and name not in flags.values()]
     of_row = free[0] if len(free) == 1 and not flags else ""
     chosen = [*flags.values()] or ([of_row] if of_row else [])
     counts = Counter(text for name in chosen for text in cells[name])
     common = counts.most_common(1)[0][0] if counts else ""
-    good = [flag for flag in counts if flag == common or flag.lower() in GOOD]
+    good = [f for f in counts if f == common or f.lower() in GOOD and not (f == "0" and "192" in counts)]
     counted = ", ".join(f"{flag!r} {count}" for flag, count in counts.most_common(12))
     return Flags(flags, of_row, good, counted, zone_column, zones, doubtful)
 
@@ -327,8 +363,9 @@ MOST = 6
 """Other choices that are shown."""
 _BREAK = re.compile(r"[\s._:/\\|-]+")
 _NO_SITE = re.compile(
-    r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cote|hauteur|pegel"
-    r"|wasserstand|durchfluss|zufluss|abfluss|caudal|nivel|portata|livello|total|sum|mean|avg"
+    r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cot[ea]|hauteur"
+    r"|pegel|wasserstand|durchfluss|zufluss|abfluss|caudal|vaz[ãa]o|n[ií]vel|altura|portata|livello|quota|altezza"
+    r"|total|sum|mean|avg"
     r"|(u|g|t|unit|units|groupe|turbines?|gates?|spill\w*|vannes?|tor|wehr|release)\d*)"
 )
 """First words of names that are a quantity or a machine, not a place."""

@@ -22,12 +22,16 @@ _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M
 FORMATS: tuple[str | None, ...] = (
     None,
     *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
-    *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
+    *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d%H", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
 )
 """Formats of times that are tried; None is ISO 8601."""
-_DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12}
+_DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12, "%Y%m%d%H": 10}
 """Length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05."""
 _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
+"""Formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap."""
+_TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
+"""Names of columns of times."""
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
 """Longest step [us] between rows: the wrong order of day and month makes steps of months."""
 
@@ -51,6 +55,7 @@ class Layout:
     missing: tuple[float, ...] = ()  # numbers of values that are not measured
     block_units: dict[str, str] = field(default_factory=dict)  # units by tag
     headerless: bool = False  # whether the names are made up
+    doubled: bool = False  # whether names occur twice, and are to be declared: `skip_rows` passes the header
     footer: list[str] = field(default_factory=list)  # the last lines, where these hold no data
 
     time_at: tuple[int, ...] = ()  # columns of the time: one, or two, of date and clock
@@ -125,20 +130,22 @@ def guess_layout(content: bytes, name: str) -> Layout:
     if len(body) == above:
         raise DataError(f"{name} has a header and no rows of data")
     header_rows = _rows_of_names([names, *body[:above]])
-    parts = zip(*[names, *body[: header_rows - 1]], strict=True)
+    joined = [" ".join(filter(None, texts)) for texts in zip(*[names, *body[: header_rows - 1]], strict=True)]
+    doubled = len(set(filter(None, joined))) < sum(map(bool, joined))
     only_comments = comment and not any(line.strip() for line in lines[:header])
     return Layout(
         encoding,
         separator,
-        skip_rows=0 if only_comments else numbered[header + headerless][0],
+        skip_rows=0 if only_comments and not doubled else numbered[header + headerless][0] + doubled,
         unit_rows=above - header_rows + 1,
-        names=tuple(" ".join(filter(None, texts)) for texts in parts),
+        names=tuple(joined),
         units=tuple(body[header_rows - 1]) if above >= header_rows else ("",) * width,
         rows=body[above:],
         comment=comment,
         header_rows=header_rows,
         repeated=len(full) > len(body),
         headerless=headerless,
+        doubled=doubled,
     )
 
 
@@ -242,10 +249,10 @@ def guess_time(layout: Layout) -> bool:
             layout.time_at = (at,)
             return True
     for at, name in enumerate(layout.names):
-        for time_format, least in (("unix_ms", 1e11), ("unix", 1e8)):  # least: 1973, in its unit
-            if re.search(r"unix|epoch|timestamp", name, re.I) and all(
-                (number(row[at]) or 0.0) >= least for row in rows
-            ):
+        counts = [number(row[at]) or 0.0 for row in rows]
+        likely = re.search(_TIME, name, re.I) or (at == 0 and all(a < b for a, b in pairwise(counts)))
+        for time_format, least in EPOCHS.items() if likely else ():
+            if sum(least <= count < 41 * least for count in counts) >= 0.95 * len(counts):
                 layout.time_at = (at,)
                 return _guess_format(layout, [row[at] for row in rows], (time_format,))
     return False

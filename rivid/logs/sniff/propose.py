@@ -9,7 +9,16 @@ from typing import Any
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
-from rivid.logs.sniff.columns import Flags, Group, find_flags, find_tags, guess_column, guess_marks, roles_of
+from rivid.logs.sniff.columns import (
+    Flags,
+    Group,
+    find_flags,
+    find_tags,
+    guess_column,
+    guess_marks,
+    name_each,
+    roles_of,
+)
 from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time, middle
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
@@ -20,6 +29,8 @@ HEAD_BYTES = 2 << 20
 """Bytes from the beginning that are read for the layout: a year at 10 min, and quick."""
 HEAD_ROWS = 20_000
 """Rows of these."""
+MOST_NAMES = 3
+"""Files that are named at the top of the proposal."""
 UNSTEADY = 0.3
 """Share of odd steps [-] beyond which values come when they change, not regularly."""
 FILL_IN = (
@@ -40,7 +51,10 @@ def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> "Proposa
     a header and times.
     """
     paths = [path] if isinstance(path, Path) else list(dict.fromkeys(path))
-    return Proposal([_look(each) for each in paths], ", ".join(shown(p.name) for p in paths[:3]), time_zone)
+    names = [shown(path.name) for path in paths]
+    if len(names) > MOST_NAMES:
+        names[MOST_NAMES:] = [f"... ({len(names)} files)"]
+    return Proposal([_look(each) for each in paths], ", ".join(names), time_zone)
 
 
 def _look(path: Path) -> Layout:
@@ -62,7 +76,7 @@ def _look(path: Path) -> Layout:
     if not guess_time(layout):
         raise DataError(
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
-            "set [input] time and time_format"
+            'set [input] time and time_format: that of strptime, "unix" for s since 1970, "unix_ms" for ms'
         )
     encoding = layout.encoding
     if encoding == "utf-16":  # the byte order mark is at the other end
@@ -72,6 +86,8 @@ def _look(path: Path) -> Layout:
     layout.footer = [lines[at] for at in found]
     while whole and found and rows and read_text(layout.time(rows[-1]), layout.time_format) is None:
         rows.pop()
+    if layout.doubled:
+        name_each(layout)
     find_tags(layout, path.name)
     return layout
 
@@ -101,6 +117,8 @@ class Proposal:
         self.columns: Group = [column for column in guesses if column is not None]
         if layout.headerless:
             self.ask("columns", "the file has no header: the names in columns are made up, in its order")
+        if layout.doubled:
+            self.ask("columns", "names occur twice in the header: those in columns are made up, in its order")
         self.ask("time_format", layout.doubt)
         roles, self.kind, self.instead = roles_of(self.columns, self.questions)
         self.roles = {role: group for role, group in roles.items() if group}
@@ -139,7 +157,7 @@ class Proposal:
             keys |= {"tag": _one_or_all([*layout.tag]) if layout.tag else None, "value": layout.value}
         if layout.blocks:
             keys["tag_pattern"] = ZRXP_TAG
-        if layout.blocks or layout.headerless:
+        if layout.blocks or layout.headerless or layout.doubled:
             keys["columns"] = list(layout.names)
         keys |= {
             "time_format": None if layout.other_formats else layout.time_format,
@@ -278,7 +296,7 @@ class Proposal:
 def _kind(layout: Layout) -> tuple[Any, ...]:
     """Equal for files of one dialect."""
     text = layout.encoding, layout.separator, layout.skip_rows
-    return *text, layout.time_format, bool(layout.value)
+    return *text, layout.time_format, bool(layout.value), layout.doubled and layout.names
 
 
 def _unsteady(steps: list[int]) -> bool:
