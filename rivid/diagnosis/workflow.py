@@ -591,7 +591,7 @@ class _Search:
     def polished(self, lead: Explanation) -> Explanation:
         """Refit `lead` and its rivals with columns about their own responses, and return the new lead.
 
-        All rivals are refitted from the response of `lead`, which can raise one by a thousand nats. Those that
+        All rivals are refitted from the response of `lead`, which can raise one by 1,000 nats. Those that
         would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
         """
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
