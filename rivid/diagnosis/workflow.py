@@ -194,12 +194,13 @@ def find_effects(
             search.extend(parent)
         extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
-        bare = (lead.names, "") in extended
-        if bare and turn == 0:  # the response may have bent to an effect, which then gains little
-            lead = search.likeliest(parent)
-        if turn == 0 or not bare:
+        if (lead.names, "") not in extended:
             search.add_rivals(lead)
-            lead = search.shifted(search.polished(lead if bare else search.lead()))
+            lead = search.shifted(search.polished(search.lead()))
+        elif turn == 0 and (likely := search.likeliest(parent)) is not parent:
+            # A response that is biased by an effect hides it: with columns about its own it may lead.
+            search.add_rivals(likely)
+            lead = search.shifted(search.polished(likely))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
@@ -615,7 +616,7 @@ class _Search:
         The response of its parent may be biased by the missing effect, at a maximum that no step leaves.
         """
         nominal = self._nominal(one.model)
-        if not isinstance(nominal, HydraulicResponse):
+        if one.added is None or not isinstance(nominal, HydraulicResponse):
             return one
         few = self._some_days(one, _spread(int(self.opened.sum())))
         reach = settled(replace(one.model, reach=_coarse(nominal), noise=None), few, 0).reach
