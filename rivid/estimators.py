@@ -330,7 +330,7 @@ def _of_posterior(
     least = getattr(s, "answer_above", None)  # a river's t50 needs a narrow band instead
     unsure = found.message
     if least is not None:
-        reason = f"no delay is right with a probability of {least:g} ([posterior] answer_above)"
+        reason = f"the likeliest delay is right with a probability below {least:g} ([posterior] answer_above)"
         unsure = np.full(len(outside), reason)
     return Answer(
         status=np.where(ok, "ok", "unidentifiable"),

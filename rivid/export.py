@@ -19,6 +19,7 @@ from rivid.atomic import replacing, write_text
 from rivid.diagnosis.calibrated import ReachModel, load_model
 from rivid.errors import ConfigError, NoDataError
 from rivid.results.store import finite
+from rivid.text import duration
 from rivid.types import DAY, HOUR, Floats
 
 if TYPE_CHECKING:
@@ -151,12 +152,13 @@ def state_space(model: ReachModel) -> StateSpace:
     variance = np.diag([m.walk, (1.0 - m.phi**2) * m.inflow, (1.0 - m.psi**2) * m.level])
     kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0])
     extra, variance = extra[np.ix_(kept, kept)], variance[np.ix_(kept, kept)]
-    names += [n for n, k in zip(("level error", "unlogged inflow", "level noise"), kept, strict=True) if k]
+    level = "level" if pool else "discharge"
+    own = ("level error", "unlogged inflow", f"{level} noise")
+    names += [name for name, k in zip(own, kept, strict=True) if k]
     A = block_diag(*(a for a, _, _ in blocks), extra)
     B = np.vstack([block_diag(*(b for _, b, _ in blocks)), np.zeros((len(extra), len(blocks)))])
     C = np.hstack([*(c for _, _, c in blocks), [np.array([1.0, 0.0, 1.0])[kept]]])
     G = np.eye(len(A))[:, len(A) - len(extra) :]
-    level = "level" if pool else "discharge"
     return StateSpace(
         A, B, C, np.zeros((1, len(blocks))), G, variance, np.array([[m.gauge]]), T, inputs,
         ("h_L",) if pool else ("Q_L",), tuple(names), tuple(delays),
@@ -223,7 +225,7 @@ def _origin(model: ReachModel) -> dict[str, Any]:
     return {"reach": model.name, "written_by": f"rivid {__version__}"} | model.origin
 
 
-def _state_space(source: Path, out: Path) -> list[Path]:
+def _state_space(source: Path, out: Path, _: float) -> list[Path]:
     import scipy.io
 
     arrays = state_space(load_model(source)).arrays()
@@ -237,7 +239,7 @@ def _state_space(source: Path, out: Path) -> list[Path]:
     return [out / f"state_space.{kind}" for kind in ("npz", "mat", "json")]
 
 
-def _rtc_tools(source: Path, out: Path) -> list[Path]:
+def _rtc_tools(source: Path, out: Path, _: float) -> list[Path]:
     model = load_model(source)
     found = routing(model)
     block = model.name.replace("-", "_")
@@ -266,26 +268,44 @@ def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     return found, json.loads(texts[1])
 
 
-def _pypsa(source: Path, out: Path) -> list[Path]:
-    """links.csv for `pypsa.Network.import_from_csv_folder`: a link for each class of discharge."""
+def unresolved(source: Path, snapshot: float = HOUR) -> str:
+    """Remark on the delays of a law that round to 0 snapshots of so many seconds; empty where none does."""
+    delays = [row["delay_s"] for row in law_of(source)[0]]
+    gone = [delay for delay in delays if round(delay / snapshot) == 0]
+    if not gone:
+        return ""
+    return (
+        f"delay = 0 in {len(gone)} of {len(delays)} links: {duration([min(gone), max(gone)])} round to 0 "
+        f"snapshots of {snapshot:g} s; give a shorter --snapshot"
+    )
+
+
+def _pypsa(source: Path, out: Path, snapshot: float) -> list[Path]:
+    """links.csv for `pypsa.Network.import_from_csv_folder`: a link for each class of discharge.
+
+    A link carries the part of the flow in its class: their capacities add up to the highest discharge, as in
+    multilinear routing (Becker and Kundzewicz 1987, Water Resources Research 23). PyPSA counts
+    delays in units of the weightings of snapshots, as integers.
+    """
     rows, about = law_of(source)
-    name = about["reach"]
+    name, below = about["reach"], 0.0
     lines = ["name,bus0,bus1,carrier,efficiency,p_nom,delay,cyclic_delay,delay_low_h,delay_high_h"]
     for row in rows:
         low, high = row["discharge_low_m3s"], row["discharge_high_m3s"]
-        delay = round(row["delay_s"] / HOUR)
+        delay = round(row["delay_s"] / snapshot)
         ends = f"{row['delay_low_s'] / HOUR:.4g},{row['delay_high_s'] / HOUR:.4g}"
         lines.append(
-            f"{name} {low:.0f}-{high:.0f} m3/s,{name} upstream,{name} downstream,water,1,{high:.6g},{delay},"
-            f"False,{ends}"
+            f"{name} {low:.0f}-{high:.0f} m3/s,{name} upstream,{name} downstream,water,1,{high - below:.6g},"
+            f"{delay},False,{ends}"
         )
+        below = high
     write_text(out / "links.csv", "\n".join(lines) + "\n")
     buses = [f"{name} {end},water" for end in ("upstream", "downstream")]
     write_text(out / "buses.csv", "\n".join(["name,carrier", *buses]) + "\n")
     return [out / "links.csv", out / "buses.csv"]
 
 
-def _csv(source: Path, out: Path) -> list[Path]:
+def _csv(source: Path, out: Path, _: float) -> list[Path]:
     rows, about = law_of(source)
     lines = [",".join(rows[0]), *(",".join(f"{v:.6g}" for v in row.values()) for row in rows)]
     write_text(out / "delay_by_discharge.csv", "\n".join(lines) + "\n")
@@ -294,18 +314,19 @@ def _csv(source: Path, out: Path) -> list[Path]:
     return [out / "delay_by_discharge.csv", out / "delay_by_discharge.json"]
 
 
-FORMATS: dict[str, Callable[[Path, Path], list[Path]]] = {
+FORMATS: dict[str, Callable[[Path, Path, float], list[Path]]] = {
     "state-space": _state_space, "rtc-tools": _rtc_tools, "pypsa": _pypsa, "csv": _csv,
 }  # fmt: skip
 """Writers: of model.toml the first two, of a season's law the others."""
 
 
-def export(source: Path, out: Path, form: str) -> list[Path]:
+def export(source: Path, out: Path, form: str, snapshot: float = HOUR) -> list[Path]:
     """Write a model or a law in a format of :data:`FORMATS` into `out`, which is created; return the files.
 
     `source` is, for `state-space` and `rtc-tools`, the model.toml of `rivid diagnose` or its directory; for
-    `pypsa` and `csv`, the directory of a run that `rivid season` has joined. RividError where it lacks what
+    `pypsa` and `csv`, the directory of a run that `rivid season` has joined. `snapshot` is the unit of the
+    delays of `pypsa` [s]. RividError where it lacks what
     the format needs, or a file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    return FORMATS[form](source, out)
+    return FORMATS[form](source, out, snapshot)

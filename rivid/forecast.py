@@ -76,7 +76,7 @@ class Forecast:
     Attributes
     ----------
     series : Series
-        With the flows that were assumed after the origin.
+        After the origin with the flows that are announced, then held at their last value.
     quantiles : ndarray, shape (5, H)
         Of the output at each sample after the origin, at :data:`LEVELS` [m or m3/s].
     announced : int
@@ -86,6 +86,9 @@ class Forecast:
     delay_s : float
         Time in which half of a small wave arrives at the usual flow [s].
     notes : tuple of str
+    repeated : ndarray, shape (H,), or None
+        Inflow of the day before where none is announced, from which the quantiles are learnt beside the held
+        one [m3/s]; None where all flows are announced, or nothing is learnt.
     """
 
     series: Series
@@ -94,6 +97,7 @@ class Forecast:
     learnt: int
     delay_s: float
     notes: tuple[str, ...] = ()
+    repeated: Floats | None = None
 
 
 def read_logs(
@@ -225,6 +229,7 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     return Forecast(
         replace(series, inflow=inflow, outflow=outflow), y0[-1] + quantiles, announced,
         len(past) if len(past) >= FEWEST else 0, _half(model, up) * model.sample_time, tuple(notes),
+        flows[2][-1] if announced < ahead and len(past) >= FEWEST else None,
     )  # fmt: skip
 
 
@@ -309,27 +314,28 @@ def _hold(rows: Floats) -> Floats:
 
 def simulations(
     model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int
-) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
+) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats, Floats]]:
     """Simulated changes (m, ahead), all regressors (m, ahead, 6), standard deviations (m, ahead), and flows.
 
-    Arguments and flows as of :func:`run`. The regressors are the simulated change, that with the inflow of
-    the day before, the distance to the mean, the change of the day before, the residual, and 1.
+    Arguments and flows as of :func:`run`, then the inflow of the day before. The regressors are the simulated
+    change, that with the inflow of the day before, the distance to the mean, the change of the day before,
+    the residual, and 1.
     """
     simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced)
-    repeated = np.zeros_like(simulated)
+    repeated, before = np.zeros_like(simulated), flows[0]
     if announced < ahead:
-        repeated = run(model, series, origins, lead, ahead, announced, repeat=True)[0]
+        repeated, _, _, (before, _) = run(model, series, origins, lead, ahead, announced, repeat=True)
     day = round(DAY / model.sample_time)
     held = _hold(series.output)
     y0 = held[origins]
     mean = float(np.nanmean(series.output[: series.now + 1]))
-    before = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
-    ended = np.take(held, np.maximum(before, 0))
-    change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
+    ago = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
+    ended = np.take(held, np.maximum(ago, 0))
+    change = np.where((ago >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
     rest = np.broadcast_to(left[:, None], change.shape)
     X = np.stack([simulated, repeated, away, change, rest, np.ones_like(change)], axis=-1)
-    return simulated, X, sd, flows
+    return simulated, X, sd, (*flows, before)
 
 
 def learnt_quantiles(X: Floats, target: Floats, sd: Floats, at: Floats, sd_at: Floats) -> Floats:

@@ -114,7 +114,7 @@ def kalman_sd(model, samples):
     for name, row in zip(names, range(len(names)), strict=True):
         if name == "level error":
             P[row, row] = 1e6
-        elif name in ("unlogged inflow", "level noise"):
+        elif name == "unlogged inflow" or name.endswith(" noise"):
             phi, q = model.A[row, row], (model.G @ model.Q @ model.G.T)[row, row]
             P[row, row] = q / (1.0 - phi**2)
     found = []
@@ -134,6 +134,7 @@ def test_its_noise_is_that_of_the_filter(made):
     z = np.zeros((1, 60))
     z[0, 40:] = np.nan
     _, sd = reach.noise.ahead(z)
+    assert record.kind == "pool" or model.states[-1] == "discharge noise"
     P = kalman_sd(model, 41)  # a reading of the sample after the last one that is there
     assert sd[0, 40] == pytest.approx(P[40], rel=1e-3)
 
@@ -218,10 +219,27 @@ def test_links_of_pypsa(joined):
     paths = export(joined, joined / "to", "pypsa")
     rows = list(csv.DictReader(paths[0].read_text().splitlines()))
     assert [int(r["delay"]) for r in rows] == [2, 1] and {r["cyclic_delay"] for r in rows} == {"False"}
+    assert [float(r["p_nom"]) for r in rows] == [
+        200.0,
+        200.0,
+    ]  # of flows to 200, and of those from there to 400
     pypsa = pytest.importorskip("pypsa")
     network = pypsa.Network()
     network.import_from_csv_folder(joined / "to")
     assert network.links["delay"].tolist() == [2, 1] and not network.links["cyclic_delay"].any()
+
+
+def test_delays_of_pypsa_are_counted_in_snapshots_and_a_remark_gives_those_of_none(joined):
+    words = ("export", joined, "--to", "pypsa", "--out", joined / "to", "-q", "--snapshot")
+    for snapshot, delays, remark in (
+        (900, ["8", "4"], ""),
+        (10_000, ["1", "0"], "delay = 0 in 1 of 2 links: 58.3 min round to 0 snapshots of 10000 s"),
+    ):
+        code, said = command(*words, snapshot)
+        rows = csv.DictReader((joined / "to" / "links.csv").read_text().splitlines())
+        assert code == 0 and [r["delay"] for r in rows] == delays
+        assert (remark in said) if remark else said == ""
+    assert command(*words, 0)[0] == 2
 
 
 def test_the_command_and_its_errors(tmp_path):

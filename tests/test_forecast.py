@@ -132,6 +132,10 @@ def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
                 inflow[now + 1 :] = np.nan
             found = forecast(reach, replace(at, inflow=inflow))
             assert found.announced == (N if announced else 0) and found.learnt >= 72
+            assert (found.repeated is None) == announced
+            if not announced:
+                assert (found.series.inflow[now + 1 :] == inflow[now]).all()
+                np.testing.assert_array_equal(found.repeated, series.inflow[now + 1 - N : now + 1])
             assert (np.diff(found.quantiles, axis=0) >= 0.0).all() and len(LEVELS) == len(found.quantiles)
             errors[announced].append(found.quantiles[2] - series.output[now + 1 : now + 1 + N])
     known_, held = (np.sqrt((np.array(errors[k]) ** 2).mean(axis=0)) for k in (True, False))
@@ -185,7 +189,10 @@ def test_the_command_writes_tables_page_and_json(place, known):
     rows = list(csv.DictReader((place / "out/forecast.csv").read_text().splitlines()))
     assert float(rows[3]["horizon_h"]) == 1.0 and rows[0]["outflow_m3s"] == ""
     page = (place / "out/forecast.html").read_text()
-    assert "Hour by hour" in page and "are not announced" in page and '<td class="num">' in page
+    assert "Hour by hour" in page and '<td class="num">' in page
+    for text in ("the flows are not announced: the table has each", "the inflow of the day before (dotted)",
+                 "dotted the inflow of the day before"):  # fmt: skip
+        assert text in page
     code, said = command(*words, "--out", place / "o", "--hours", 6, "--no-figures", "--json")
     found = [json.loads(line) for line in said.splitlines()]
     assert len(found) == 24 and found[0]["low_90"] < found[0]["median"] < found[0]["high_90"]

@@ -12,7 +12,10 @@ from typing import Any
 import click
 
 from rivid.errors import printable
+from rivid.text import duration
 
+SHOWN_AFTER = 10.0
+"""Time after which a step is shown with the time since the first one [s]."""
 WIDTH = 80
 """Columns of all text output."""
 
@@ -90,28 +93,19 @@ class Console:
         return bar
 
     @contextmanager
-    def steps(self, name: str) -> Iterator[Callable[..., None]]:
+    def steps(self, name: str) -> Iterator[Callable[[str], None]]:
         """Yield a function to call with the name of each step as it begins; `name` is the first step.
 
-        Its second argument, where known, is the share of the work that is done, from 0 to 1: the time left
-        is estimated from the time since the first call with it. A terminal shows the current step only; with
+        Later steps are shown with the time since the first one. A terminal shows the current step only; with
         --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose
-        current, began = name, list[tuple[float, float]]()
+        current, began = name, time.perf_counter()
 
-        def step(text: str, done: float | None = None) -> None:
+        def step(text: str) -> None:
             nonlocal current
-            end = ""
-            if done is not None:
-                began.append((time.perf_counter(), done))
-                (since, at), (now, _) = began[0], began[-1]
-                if done > at:
-                    left = (now - since) * (1.0 - done) / (done - at)
-                    # how many rounds come is not known: long ones make it more
-                    end = (
-                        f", {left:.0f} s left or more" if left < 90 else f", {left / 60:.0f} min left or more"
-                    )
+            past = time.perf_counter() - began
+            end = f", {duration([past])} so far" if past >= SHOWN_AFTER else ""
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:

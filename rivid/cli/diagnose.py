@@ -35,7 +35,7 @@ def command(
     \b
     Examples:
       rivid simulate configs/scenarios/effects/leakage.toml --out out/leaking
-      rivid diagnose out/leaking --out out/found --to 2008-03-10
+      rivid diagnose out/leaking --out out/found --to 2008-02-15
       rivid diagnose out/leaking --model out/found/model.toml --out out/again
     """
     from rivid.api.diagnosis import diagnose
@@ -51,7 +51,7 @@ def command(
         step("reading the logs")
         diagnosed = diagnose(
             data_dir, settings, first=first, last=last, model=model,
-            report=lambda done, what: step(what, done),
+            report=lambda done, what: step(what),
         )  # fmt: skip
         step("writing")
         page = diagnosed.write(place, pictures=not no_figures)

@@ -52,7 +52,7 @@ def command(out: Path, as_json: bool, console: Console) -> int:
         raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
     console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
     with Store(out):
-        _report(out, outcomes, out.resolve().name, None, as_json=as_json, quiet=console.quiet)
+        _report(out, outcomes, None, None, as_json=as_json, quiet=console.quiet)
     console.phase("report")
     return worst(outcome.code for outcome in outcomes)
 
@@ -100,14 +100,20 @@ def run_all(
 
 
 def _report(
-    out: Path, outcomes: "Sequence[Outcome]", name: str, computed: int | None, *, as_json: bool, quiet: bool
+    out: Path,
+    outcomes: "Sequence[Outcome]",
+    name: str | None,
+    computed: int | None,
+    *,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
-    """Write the files of the fleet and print its summary; `computed` is None where nothing is estimated."""
+    """Write the files of the fleet and print its summary; no `name` and `computed`: written again."""
     from rivid.fleet.report import write_fleet
 
     summary = write_fleet(out, outcomes, name)
     if as_json:
-        del summary["contents"], summary["data_sets_of"]
+        del summary["contents"], summary["data_sets_of"], summary["before"]
         click.echo(json.dumps({"summary": summary}))
     elif not quiet:
         print_summary(summary, computed, out)
@@ -115,14 +121,17 @@ def _report(
 
 def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
     """Print the counts of fleet.json and name the reaches to look at; `computed` as for :func:`_report`."""
+    from rivid.fleet.report import minute
+
     now = "" if computed is None else f", {computed:,} estimated now"
+    since = minute(summary["before"].get("made", ""))
     click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
     for kind, words in (
         ("failing", "fail"),
         ("left_band", "have a delay that has moved in the last week"),
         ("unanswered", "have no answer in the last week"),
         ("silent", "are silent"),
-        ("changed", "changed since the report before"),
+        *([("changed", f"changed since the report of {since}")] if since else []),
     ):
         names = summary[kind]
         listed = ", ".join([*map(abbreviate, names[:MOST_LINES]), *["..."][: len(names) > MOST_LINES]])

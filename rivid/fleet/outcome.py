@@ -36,9 +36,9 @@ def band(days: Ints, values: Floats) -> dict[str, Any] | None:
     """Return the band of the year before the last week, and where the week lies.
 
     `days` are day numbers, ascending, of all days with a row; `values` are delays or t50 [samples], NaN
-    where the data give none. 90 % of the year's values lie between `low` and `high`; these, `median` and
-    `week_median` (None without any answer in the week) are in samples. Of the answered `days` of the week,
-    `above` and `below` lie outside. None where the year has too few answered days for a band.
+    where the data give none. 90 % of the year's values lie between `low` and `high`; these and `median` are
+    in samples. Of the answered `days` of the week, `above` and `below` lie outside. None where the year has
+    too few answered days for a band.
     """
     from rivid.report.attention import band as limits
 
@@ -50,8 +50,7 @@ def band(days: Ints, values: Floats) -> dict[str, Any] | None:
         return None
     low, high = ends
     return {
-        "low": low, "high": high, "median": float(np.median(year)),
-        "week_median": float(np.median(week)) if len(week) else None, "days": len(week),
+        "low": low, "high": high, "median": float(np.median(year)), "days": len(week),
         "above": int(np.count_nonzero(week > high)), "below": int(np.count_nonzero(week < low)),
     }  # fmt: skip
 
@@ -65,10 +64,11 @@ class Outcome:
     more. `new_failures` of the `failures` are reported for the first time; `bad_files` are no logs.
     `content` is a digest of the results, `first` and `last` are ISO dates of the record. `estimator` and
     `quantity` (delay or t50) are those of the `band` (:func:`band`), `sample_time` is T_s [s]. Of the
-    `days_week` days of its last week with a row, `answered_week` have an answer. `moved` is whether the delay
-    has moved in the last week, by :func:`rivid.report.summary.trend`, or None without a test; `change` the
-    median of the last week less that of the weeks before [samples], 0 without a test. `recent` are failed
-    days of its last week and their messages.
+    `days_week` days of its last week with a row, `answered_week` have an answer, with the median
+    `week_median` [samples]. `moved` is whether the delay has moved in the last week, by
+    :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week less that
+    of the weeks before [samples], 0 without a test. `recent` are failed days of its last week and their
+    messages.
     """
 
     reach: str
@@ -88,6 +88,7 @@ class Outcome:
     sample_time: float = 0.0
     answered_week: int = 0
     days_week: int = 0
+    week_median: float | None = None
     band: dict[str, Any] | None = None
     moved: bool | None = None
     change: float = 0.0
@@ -115,6 +116,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
     if recent:
         values = np.where(recent.decided, recent.values if t50 else recent.estimator.delay, np.nan)
     week = days > (days[-1] if len(days) else 0) - WEEK
+    answers = values[week & np.isfinite(values)]
     failed: dict[str, str] = {}
     for one in results.estimators:
         for date, status, message in zip(one.dates, one.status, one.messages, strict=True):
@@ -127,8 +129,9 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         bad_files=len(summary.bad_files), content=content, first=str(dates[0]) if dates else "",
         last=str(dates[-1]) if dates else "", estimator=e.estimator if e else "",
         quantity="t50" if t50 else "delay" if e else "",
-        sample_time=config.reach.sample_time, answered_week=int(np.isfinite(values[week]).sum()),
-        days_week=int(week.sum()), band=band(days, values), moved=trend["moved"] if trend else None,
+        sample_time=config.reach.sample_time, answered_week=len(answers), days_week=int(week.sum()),
+        week_median=float(np.median(answers)) if len(answers) else None, band=band(days, values),
+        moved=trend["moved"] if trend else None,
         change=trend["now"] - trend["before"] if trend else 0.0,
         recent=sorted(failed.items())[-MOST_FAILURES:],
     )  # fmt: skip

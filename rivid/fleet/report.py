@@ -21,6 +21,9 @@ SCHEMA_VERSION = 1
 SILENT_AFTER = 2
 """A reach is silent where its last log is so many days older than the fleet's latest, or more."""
 
+COMPARED = ("made", "contents", "data_sets_of")
+"""Of fleet.json: what the next report is compared with."""
+
 LISTS = ("failing", "left_band", "unanswered", "silent", "changed")
 """Of fleet.json: names of the reaches to look at, by what happened."""
 
@@ -49,27 +52,32 @@ left_band | flag | | the delay has moved in the last week, by the test of the re
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
 
-def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, Any]:
+def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str | None = None) -> dict[str, Any]:
     """Write the files of the fleet of that name and return the content of fleet.json.
 
     It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
-    the last week), `unanswered` (no data set of the last week has an answer), `silent`, `changed`.
-    RividError where a file cannot be written.
+    the last week), `unanswered` (no data set of the last week has an answer), `silent`, `changed`. Without a
+    name, the last report keeps its name and, if no reach has changed since, the report that it is compared
+    with. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = read_json(out / "fleet.json")
+    if name is None:
+        name = str(before.get("name") or out.resolve().name)
+        if not summary(outcomes, before)["changed"]:
+            before = before.get("before", before)
     table = pa.Table.from_pylist([_row(outcome) for outcome in outcomes], FLEET)
     write_parquet(table, out / "fleet.parquet")
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
     write_csv(safe_for_spreadsheets(table, texts), out / "fleet.csv")
-    found = summary(outcomes, before)
+    found = {"name": name} | summary(outcomes, before)
     write_page(out / "fleet.html", "fleet", _context(outcomes, found, before, name))
     write_text(out / "fleet.json", json.dumps(found, indent=1, sort_keys=True) + "\n")
     return found
 
 
 def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of fleet.json, compared with that of the last report."""
+    """Return the content of fleet.json but its name, compared with that of the report `before`."""
     contents = before.get("contents") or {}
     latest = max((o.last for o in outcomes if o.last), default="")
 
@@ -92,6 +100,7 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         ],
         "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
         "data_sets_of": {o.reach: o.data_sets for o in outcomes},
+        "before": {key: before[key] for key in COMPARED if key in before},
     }
 
 
@@ -102,7 +111,7 @@ def _row(o: Outcome) -> dict[str, Any]:
         "sample_time_s": o.sample_time or None,
         "answered_last_week": o.answered_week, "days_last_week": o.days_week,
         "median": b.get("median"), "band_low": b.get("low"), "band_high": b.get("high"),
-        "median_last_week": b.get("week_median"), "above_last_week": b.get("above"),
+        "median_last_week": o.week_median, "above_last_week": b.get("above"),
         "below_last_week": b.get("below"),
         "left_band": o.moved,
     }  # fmt: skip
@@ -121,8 +130,8 @@ def _context(
     return {
         "name": name,
         "found": found,
-        "made": _minute(found["made"]),
-        "since": _minute(before.get("made", "")),
+        "made": minute(found["made"]),
+        "since": minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
         "moved": sorted(chosen["left_band"], key=widths, reverse=True),
         "tested": sum(o.moved is not None for o in outcomes),
@@ -135,6 +144,6 @@ def _context(
     }
 
 
-def _minute(made: str) -> str:
+def minute(made: str) -> str:
     """A time of fleet.json, to the minute; empty where there is none."""
     return f"{dt.datetime.fromisoformat(made):%Y-%m-%d %H:%M} UTC" if made else ""

@@ -39,7 +39,10 @@ def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
             ax.xaxis.set_major_locator(locator)
             ax.xaxis.set_major_formatter(formatter)
         above.tick_params(axis="x", labelbottom=False)
-        return style.written(figure, folder / "forecast.png", title)
+        return style.written(
+            figure, folder / "forecast.png", title, held=found.announced < found.quantiles.shape[1],
+            repeated=found.repeated is not None,
+        )  # fmt: skip
 
 
 def _shown(found: Forecast) -> tuple[slice, np.ndarray]:
@@ -66,7 +69,7 @@ def output(ax: Axes, found: Forecast, unit: str) -> None:
 
 
 def flows(ax: Axes, found: Forecast) -> None:
-    """The flows of the dams, dashed where they are not announced, and the inflow as half of it arrives."""
+    """The flows of the dams, dashed where they are held, and the known inflow as half of it arrives."""
     s, (part, x) = found.series, _shown(found)
     known = np.arange(len(s.time))[part] <= s.now + found.announced
     series = [("inflow", s.inflow, style.WATER)]
@@ -75,8 +78,16 @@ def flows(ax: Axes, found: Forecast) -> None:
     for label, values, colour in series:
         ax.plot(x, np.where(known, values[part], np.nan), color=colour, lw=1.1, label=label)
         ax.plot(x, np.where(~known, values[part], np.nan), color=colour, lw=1.0, ls="--")
-    arrives = x + found.delay_s / 86400.0
-    ax.plot(arrives, s.inflow[part], color=style.WATER, lw=0.9, alpha=0.45, label="inflow as it arrives")
-    ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="assumed")
+    arrives = x[known] + found.delay_s / 86400.0
+    ax.plot(
+        arrives, s.inflow[part][known], color=style.WATER, lw=0.9, alpha=0.45, label="inflow as it arrives"
+    )
+    if not known.all():
+        ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="held")
+    if found.repeated is not None:
+        unknown = slice(-int((~known).sum()), None)
+        ax.plot(
+            x[unknown], found.repeated[unknown], color=style.WATER, lw=1.0, ls=":", label="of the day before"
+        )
     ax.set_xlim(x[0], x[-1])
     ax.set_ylabel("flow [m³/s]")

@@ -101,9 +101,12 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[tuple[str, list[tu
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
-    names = ("d_min", "d_max", "order", "delay_scale")
-    tables = {"in use": {name: summary[name] for name in names if name in summary}}
+    """Sections of the configuration as text, and the values in use where the configuration has "bounds".
+
+    Their names are the keys of the configuration.
+    """
+    keys = {"d_min": "d_min", "d_max": "d_max", "order": "order", "delay_scale": "sigma_d"}
+    tables = {"in use": {key: summary[name] for name, key in keys.items() if name in summary}}
     tables |= {f"[{section}]": keys for section, keys in (summary.get("config") or {}).items()}
     return [
         (section, [(str(k), _plain(v)) for k, v in keys.items()])

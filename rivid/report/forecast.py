@@ -19,8 +19,8 @@ low_50 | number | output unit | lower end of the 50 % band
 high_50 | number | output unit | its upper end
 low_90 | number | output unit | lower end of the 90 % band
 high_90 | number | output unit | its upper end
-inflow_m3s | number | m3/s | u_Qi, announced or assumed
-outflow_m3s | number | m3/s | u_Qo, announced or assumed; empty for a river
+inflow_m3s | number | m3/s | u_Qi, announced or held at its last value
+outflow_m3s | number | m3/s | u_Qo, announced or held at its last value; empty for a river
 announced | flag | | the flows are those of the logs
 output_unit | text | | `m` for a level, `m3/s` for a discharge
 """)

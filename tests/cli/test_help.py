@@ -1,5 +1,6 @@
 """Every --help: one name and wording for one thing, and examples that run as they are written."""
 
+import datetime as dt
 import importlib
 import re
 import shlex
@@ -11,6 +12,7 @@ import click
 import pytest
 
 from rivid.cli import COMMANDS, cli
+from rivid.simulation.scenario import load_scenario
 
 OF = {name: importlib.import_module(f"rivid.cli.{name}").command for name in COMMANDS}
 FIRST = ["config", "out"]
@@ -58,6 +60,16 @@ def test_examples_run_as_written(rivid, project, name):
     for line in examples(help_of(rivid, name)):
         done = rivid(*words_of(line))
         assert done.code == 0 and done.stdout, (line, done.output)
+
+
+def test_days_of_examples_lie_in_the_record_that_they_simulate(rivid, project):
+    lines = [words_of(line) for line in examples(help_of(rivid, "diagnose"))]
+    made = {
+        words[words.index("--out") + 1]: load_scenario(words[1]) for words in lines if "simulate" in words
+    }
+    asked = [(made[words[1]], dt.date.fromisoformat(words[words.index("--to") + 1]))
+             for words in lines if "--to" in words]  # fmt: skip
+    assert asked and all(s.first_day <= last < s.first_day + dt.timedelta(s.days - 1) for s, last in asked)
 
 
 @pytest.mark.long

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from rivid.config import Config
@@ -48,21 +49,30 @@ def test_the_band_is_of_the_year_before_the_week_without_gaps():
     values[-WEEK:] = 9.0
     values[100:150] = np.nan
     found = band(days, values)
-    assert [found[key] for key in ("low", "high", "median", "week_median")] == [6, 6, 6, 9]
+    assert [found[key] for key in ("low", "high", "median")] == [6, 6, 6]
     assert [found[key] for key in ("days", "above", "below")] == [7, 7, 0]
     late = band(np.append(days, 1500), np.append(values, 6.0))
     assert (late["days"], late["above"]) == (1, 0)
 
 
-def test_few_days_make_no_band_and_a_silent_week_has_no_median():
+def test_few_days_make_no_band():
     values = np.full(BAND_DAYS + WEEK, 5.0)
     assert band(np.arange(len(values)), values) is not None
     values[0] = np.nan
     assert band(np.arange(len(values)), values) is None
     assert band(np.zeros(0, int), np.zeros(0)) is None
-    values = np.full(100, 5.0)
-    values[-WEEK:] = np.nan
-    assert band(np.arange(100), values)["week_median"] is None
+
+
+@pytest.mark.parametrize("days", [14, 60])
+def test_a_week_with_answers_has_its_median_with_and_without_a_band(days, tmp_path):
+    week = outcome(simple([6] * (days - WEEK) + [9] * WEEK))
+    silent = outcome(simple([6] * (days - WEEK) + [np.nan] * WEEK))
+    assert (week.week_median, silent.week_median) == (9, None)
+    assert (week.band is None) == (days - WEEK < BAND_DAYS)
+    write_fleet(tmp_path, [week], "fleet")
+    assert pq.read_table(tmp_path / "fleet.parquet")["median_last_week"].to_pylist() == [9]
+    band_of_page = "–" if week.band is None else "6 to 6"
+    assert f"{band_of_page} 9" in Page((tmp_path / "fleet.html").read_text()).words
 
 
 @pytest.mark.parametrize("shift", [0, 2])

@@ -4,6 +4,7 @@ import csv
 import datetime as dt
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -13,13 +14,15 @@ import pytest
 
 from rivid.fleet import run as fleet_run
 from rivid.fleet.outcome import WORST_FIRST, Outcome, keep, kept, worst
-from rivid.fleet.report import write_fleet
+from rivid.fleet.report import minute, write_fleet
 from rivid.results.store import Store
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, rivid
 from tests.run.test_workers import DEADLY
 
 REACHES = ("alpha", "beta", "gamma")
+MADE = re.compile(r" on [\d-]{10} [\d:]{5} UTC, from")
+"""Time of a page, in its footer."""
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +53,7 @@ def whole(logs, tmp_path_factory):
 
 def test_each_reach_has_the_tables_it_would_have_alone(data, whole, tmp_path):
     out, said = whole
-    assert "3 reaches, 18 data sets, 18 estimated now" in said
+    assert "3 reaches, 18 data sets, 18 estimated now" in said and "changed" not in said
     config = tmp_path / "beta.toml"
     config.write_text("[reach]\nname = 'beta'\n")
     rivid("run", data / "beta", "--out", tmp_path / "beta", "--no-figures", "--config", config)
@@ -172,6 +175,11 @@ def test_only_what_is_new_is_estimated_and_changed_and_silent_reaches_are_listed
     _, said = rivid("run", data, "--out", out, "--no-figures")
     assert "20 data sets, 2 estimated now" in said
     assert fleet_json(out)["changed"] == ["beta"] and fleet_json(out)["silent"] == ["alpha", "gamma"]
+    page, since = (out / "fleet.html").read_text(), minute(fleet_json(out)["before"]["made"])
+    for _ in range(2):  # the report is written again, without a run
+        _, said = rivid("fleet", out)
+        assert f"1 changed since the report of {since}" in said
+        assert MADE.sub("", (out / "fleet.html").read_text()) == MADE.sub("", page)
     _, said = rivid("run", data, "--out", out, "--no-figures", "--json")
     lines = [json.loads(line) for line in said.splitlines()]
     assert sorted(line["reach"] for line in lines[:-1]) == list(REACHES)
@@ -202,8 +210,8 @@ def test_the_worst_code_is_the_first_of_the_stated_order():
 
 
 def test_outcomes_come_back_as_they_were_kept(tmp_path):
-    band = dict(low=1.0, high=2.0, median=1.5, week_median=None, days=7, above=0, below=1)
-    one = Outcome("a", 3, band=band, moved=True, change=0.5, recent=[("2008-03-10", "why")])
+    band = dict(low=1.0, high=2.0, median=1.5, days=7, above=0, below=1)
+    one = Outcome("a", 3, week_median=1.0, band=band, moved=True, change=0.5, recent=[("2008-03-10", "why")])
     keep(tmp_path, one)
     (tmp_path / ".rivid" / "outcomes" / "b.json").write_text("nonsense")
     assert kept(tmp_path) == [one]

@@ -94,7 +94,7 @@ def results(names=("ml", "jmap"), dates=None, **kwargs):
     return Results("basse_isere", T_S, "m", 6.5, made)
 
 
-REASON = "no delay is right with a probability of 0.7"
+REASON = "the likeliest delay is right with a probability below 0.7"
 
 
 def probable(n=30, unsure=(3, 4, 20), unseen=(9,)):

@@ -16,6 +16,7 @@ SUMMARY = {
     "versions": {"rivid": "0.1.0", "numpy": "2.3.4"},
     "d_min": 1,
     "d_max": 15,
+    "delay_scale": 6.5,
 }
 STEADY = [7, 7, 6, 7, 7, 6, 7] * 9
 """Delays of nine equal weeks."""

@@ -145,6 +145,14 @@ def test_verdicts_have_headlines_of_their_own_and_need_no_details():
         assert headline(bare) == sentence
 
 
+def test_what_is_left_has_its_period_once_and_one_unit(tmp_path):
+    drivers = ("4 pulses of about 40 m3/s that last 2 h", "a rhythm with a period of 8.02 h (to 0.02 h)")
+    unknown = Unknown(Where(), 17.5, drivers, 28_872.0)
+    text = words(page(tmp_path, "unknown", unknown=unknown, reason="", next_measurement=None))
+    expected = f"about 17.5 m³/s, on all days, at all hours: {drivers[0]} and {drivers[1]}"
+    assert text.count(expected.replace("m3/s", "m³/s")) == 2 and "m3/s" not in text
+
+
 def test_a_river_has_units_of_discharge(tmp_path):
     text = words(page(tmp_path, "no_gap", RIVER))
     assert "16.3 m³/s" in text and "Error [m³/s]" in text and not re.search(r"\blevel\b|\bmm\b", text)

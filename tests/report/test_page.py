@@ -105,7 +105,10 @@ def test_every_record_has_a_balanced_page_whose_links_lead_somewhere(name, tmp_p
 
 def test_settings_and_versions_are_shown(drawn):
     words = drawn[4].words
-    assert all(part in words for part in ("d_max 15", "length 8200", "bed_level not set", "numpy 2.3.4"))
+    assert all(
+        part in words
+        for part in ("d_max 15", "sigma_d 6.5", "length 8200", "bed_level not set", "numpy 2.3.4")
+    )
 
 
 def test_names_and_reasons_are_text_and_never_markup(tmp_path):
@@ -163,6 +166,11 @@ def test_the_rows_at_the_top_have_their_numbers(tmp_path):
     assert rows["Gravity wave"][0] == "16.7 min"
     moved = top(write(simple(STEADY[:-7] + [9] * 7), tmp_path)[0])["Has it moved?"]
     assert moved[0] == "Yes, 4.4 min longer"
+    for width, shown in ((0.3, "range from 14.9 to 16.0 min"), (1e-4, "each of these has that median")):
+        weeks = np.repeat(np.linspace(-width, width, 9), 7)  # 1e-4 samples are 13 ms
+        run = simple([7] * 63, name="posterior", probability=np.full(63, 0.9), travel_s=(7 + weeks) * 133)
+        text = top(write(run, tmp_path)[0])["Has it moved?"][1]
+        assert shown in text
     fast = top(write(simple([7] * 21, bound_gravity_s=np.full(21, 9.1 * 133)), tmp_path)[0])["Gravity wave"]
     assert fast[0] == "20.2 min" and "7 of 7 days" in fast[1]
     sure = simple(STEADY, name="posterior", probability=np.linspace(0.75, 0.95, 63))
@@ -201,7 +209,7 @@ def test_the_record_of_an_estimator_with_probabilities(tmp_path):
     words = write(run, tmp_path)[1].words
     given = e.probability[np.isfinite(e.delay)]
     assert f"{np.median(given):.2f} of the delay on the median day, {given.min():.2f} on the least" in words
-    assert "26 of 30 days (87 %)" in words and "Unidentifiable on 3 days: no delay" in words
+    assert "26 of 30 days (87 %)" in words and "Unidentifiable on 3 days: the likeliest delay" in words
     assert f"6 and 7: 26 of 26 days {np.median(given):.2f} 0 –" in words
     assert "90 % set" in words and "For posterior also" in words
 

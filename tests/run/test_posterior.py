@@ -153,7 +153,7 @@ def test_a_day_below_answer_above_keeps_its_probabilities(logs, tmp_path):
     unsure = [r for r in rows if r["status"] == "unidentifiable"]
     assert unsure
     for row in unsure:
-        assert "answer_above" in row["message"]
+        assert "right with a probability below 1 ([posterior] answer_above)" in row["message"]
         assert float(row["probability"]) < 1 and row["delay_low"] and not row["delay_samples"]
     assert pq.read_table(tmp_path / "out" / "posterior.parquet").num_rows == 15 * N_DAYS
 
