@@ -57,35 +57,24 @@ MANY = 12
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The arrays behind a diagnosis.
-
-    Attributes
-    ----------
-    record : Record
-    split : Split
-    run_before, run_after : ndarray, shape (days, n)
-        Simulated output of each day [m or m3/s] without and with the named effects, running free from the
-        measurement at the day's first used sample.
-    residual_before, residual_after : ndarray, shape (days, n)
-        Measured minus simulated output, linearised about the observed output; NaN where nothing was measured.
-        The mean of each day is arbitrary.
-    inflow_before, inflow_before_sd, inflow_after, inflow_after_sd : ndarray, shape (days, n)
-        Unexplained inflow w [m3/s] and its standard deviation, smoothed over whole days.
-    model : Model or None
-        Fitted model with the named effects.
-    """
+    """The arrays behind a diagnosis."""
 
     record: Record
     split: Split
+    # (days, n): simulated output of each day [m or m3/s] without and with the named effects, running free
+    # from the measurement at the day's first used sample
     run_before: Floats
     run_after: Floats
+    # (days, n): measured minus simulated output, linearised about the observed output; NaN where nothing was
+    # measured. The mean of each day is arbitrary
     residual_before: Floats
     residual_after: Floats
+    # (days, n): unexplained inflow w [m3/s] and its standard deviation, smoothed over whole days
     inflow_before: Floats
     inflow_before_sd: Floats
     inflow_after: Floats
     inflow_after_sd: Floats
-    model: Model | None = None
+    model: Model | None = None  # fitted model with the named effects
 
 
 def conclude(

@@ -34,23 +34,12 @@ RESPONSES: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse
 
 @dataclass(frozen=True, eq=False)
 class ReachModel:
-    """A calibrated reach: response, noise and effects.
+    """A calibrated reach: response, noise and effects."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the reach.
-    model : Model
-    sample_time : float
-        T_s [s].
-    origin : dict
-        Origin of the model: days, verdict, version, intervals of its parameters.
-    """
-
-    name: str
+    name: str  # name of the reach
     model: Model
-    sample_time: float
-    origin: dict[str, Any]
+    sample_time: float  # T_s [s]
+    origin: dict[str, Any]  # origin of the model: days, verdict, version, intervals of its parameters
 
     @property
     def kind(self) -> Kind:

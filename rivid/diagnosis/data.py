@@ -34,41 +34,22 @@ START_UP alone 29 releases were found in a season of 39 days, 27 within half an 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Days of logs on one grid.
+    """Days of logs on one grid."""
 
-    Attributes
-    ----------
-    dates : tuple of datetime.date
-        Date of each row, in order.
-    time : ndarray, shape (days, n)
-        Seconds since the midnight of `dates[0]`. The first `lead` samples of a row are before its day.
-    inflow : ndarray, shape (days, n)
-        u_Qi [m3/s].
-    outflow : ndarray, shape (days, n)
-        u_Qo [m3/s]; zero for a river reach, which has none.
-    output : ndarray, shape (days, n)
-        Level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing.
-    used : ndarray of bool, shape (days, n)
-        Samples used in fits and scores: those of the day itself and the last one before it, with an output,
-        and not in the start-up of a day without a predecessor.
-    lead : int
-        Samples before each day.
-    sample_time : float
-        T_s [s].
-    kind : {"pool", "river"}
-    activity : ndarray, shape (days, n), or None
-        Activity of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known.
-    """
-
-    dates: tuple[dt.date, ...]
+    dates: tuple[dt.date, ...]  # date of each row, in order
+    # (days, n): seconds since the midnight of `dates[0]`. The first `lead` samples of a row are before its
+    # day
     time: Floats
-    inflow: Floats
-    outflow: Floats
-    output: Floats
+    inflow: Floats  # (days, n): u_Qi [m3/s]
+    outflow: Floats  # (days, n): u_Qo [m3/s]; zero for a river reach, which has none
+    output: Floats  # (days, n): level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing
+    # (days, n): samples used in fits and scores: those of the day itself and the last one before it, with an
+    # output, and not in the start-up of a day without a predecessor
     used: NDArray[np.bool_]
-    lead: int
-    sample_time: float
+    lead: int  # samples before each day
+    sample_time: float  # T_s [s]
     kind: Kind = "pool"
+    # (days, n): activity of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known
     activity: Floats | None = None
 
     @property

@@ -41,42 +41,26 @@ class Smoothed(NamedTuple):
 class NoiseModel:
     """The noise of one reach: a linear filter, the same for all days with the same gaps.
 
-    Attributes
-    ----------
-    gauge_sd : float
-        White gauge noise e [m]; for a river reach [m3/s].
-    walk_sd : float
-        Standard deviation of the steps v of the random walk [m per sample].
-    inflow_sd, inflow_memory : float
-        Unknown inflow w: standard deviation [m3/s] and memory [s]; correlation exp(-t / memory).
-    level_sd, level_memory : float
-        Noise of the level s: standard deviation [m] and memory [s]; for a river reach [m3/s].
-    sample_time : float
-        T_s [s].
-    surface_area : float or None
-        A [m2]; None for a river reach.
-    misfit : float
-        Error of the response over the recent change by the flows: number of samples by which a front is early
-        or late [-].
-    recall : float
-        Share of a level error that remains after a sample, below 1 if losses of the reach grow with its
-        level: forecasts run free from their origin, while the residual is about the observed level.
-
     Raises
     ------
     RividError
         If a value is out of range.
     """
 
-    gauge_sd: float
-    walk_sd: float
+    gauge_sd: float  # white gauge noise e [m]; for a river reach [m3/s]
+    walk_sd: float  # standard deviation of the steps v of the random walk [m per sample]
+    # unknown inflow w: standard deviation [m3/s] and memory [s]; correlation exp(-t / memory)
     inflow_sd: float
     inflow_memory: float
-    level_sd: float
+    level_sd: float  # noise of the level s: standard deviation [m] and memory [s]; for a river reach [m3/s]
     level_memory: float
-    sample_time: float
-    surface_area: float | None
+    sample_time: float  # T_s [s]
+    surface_area: float | None  # A [m2]; None for a river reach
+    # error of the response over the recent change by the flows: number of samples by which a front is early
+    # or late [-]
     misfit: float = 0.0
+    # share of a level error that remains after a sample, below 1 if losses of the reach grow with its level:
+    # forecasts run free from their origin, while the residual is about the observed level
     recall: float = 1.0
 
     def __post_init__(self) -> None:

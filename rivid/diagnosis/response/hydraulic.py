@@ -99,24 +99,9 @@ class HydraulicResponse(Response):
     The corrections are small by their prior: without them the difference of a smooth channel from a real one
     would appear as a lag of the gate.
 
-    Attributes
-    ----------
-    parameters : tuple of FreeParameter
-        Logarithms of length, width, mean depth at the usual level and Manning's n; the fall of the bed [m],
-        linear since it may be 0; the run of the banks; the logarithm of the time of the gates; modes of the
-        width and of the bed; corrections; the lag of the gauge behind h.
-    level, flow : float
-        Usual level at the dam [m] and discharge [m3/s]: the nudge raises the cells as a higher level at the
-        dam does at the usual flow.
-    cells : int
-        Number of cells of the channel.
-    pace : float
-        Wave speed over length [1/s] for which the time steps are set: that of the nominal channel, so that
-        the output is smooth in the parameters. 0: that of each day's start.
-    width_modes, bed_modes : int
-        Numbers of modes.
-    outflow_lags, inflow_lags : tuple of int
-        Lags of the corrections [samples].
+    The parameters are the logarithms of length, width, mean depth at the usual level and Manning's n; the
+    fall of the bed [m], linear since it may be 0; the run of the banks; the logarithm of the time of the gates;
+    modes of the width and of the bed; corrections; the lag of the gauge behind h.
 
     Notes
     -----
@@ -126,13 +111,17 @@ class HydraulicResponse(Response):
     in all cells the water upstream flowed to the dam within hours, as if through a leak.
     """
 
+    # usual level at the dam [m] and discharge [m3/s]: the nudge raises the cells as a higher level at the dam
+    # does at the usual flow
     level: float
     flow: float
-    cells: int = CELLS
+    cells: int = CELLS  # number of cells of the channel
+    # wave speed over length [1/s] for which the time steps are set: that of the nominal channel, so that the
+    # output is smooth in the parameters. 0: that of each day's start
     pace: float = 0.0
-    width_modes: int = 0
+    width_modes: int = 0  # numbers of modes
     bed_modes: int = 0
-    outflow_lags: tuple[int, ...] = ()
+    outflow_lags: tuple[int, ...] = ()  # lags of the corrections [samples]
     inflow_lags: tuple[int, ...] = ()
     name: str = field(default="saint-venant", init=False)
 

@@ -53,16 +53,8 @@ class LinearPool(Response):
     delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. The coefficients depend
     linearly on the slow flow.
 
-    Attributes
-    ----------
-    parameters : tuple of FreeParameter
-        Logarithms of the area A, of the delay at the usual flow and of the gain G of the inflow over the
-        outflow; s; the coefficients; the lag of the gauge behind h.
-    fronts : {"none", "fir"}
-    lags : tuple of int
-        Lags of the FIR filters [samples].
-    flow, flow_range : float
-        Usual flow and half its usual range [m3/s], used to normalise the slow flow.
+    The parameters are the logarithms of the area A, of the delay at the usual flow and of the gain G of the
+    inflow over the outflow; s; the coefficients; the lag of the gauge behind h.
 
     Notes
     -----
@@ -70,8 +62,8 @@ class LinearPool(Response):
     """
 
     fronts: Fronts = "none"
-    lags: tuple[int, ...] = ()
-    flow: float = 0.0
+    lags: tuple[int, ...] = ()  # lags of the FIR filters [samples]
+    flow: float = 0.0  # usual flow and half its usual range [m3/s], used to normalise the slow flow
     flow_range: float = 1.0
 
     @classmethod

@@ -39,13 +39,8 @@ class RiverResponse(Response):
     pools for some time. The ratings of two gauges differ by a gain near 1 and by a constant share of the
     usual flow, which includes a constant lateral inflow.
 
-    Attributes
-    ----------
-    parameters : tuple of FreeParameter
-        Logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the mean holding time
-        [s], and of the gain; the exponent, the held share and the constant on a linear scale.
-    flow : float
-        Usual flow [m3/s], at which the delay is `delay`.
+    The parameters are the logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the
+    mean holding time [s], and of the gain; the exponent, the held share and the constant on a linear scale.
 
     Notes
     -----
@@ -53,7 +48,7 @@ class RiverResponse(Response):
     Research 7, 205-230) for the diffusion of such cells.
     """
 
-    flow: float
+    flow: float  # usual flow [m3/s], at which the delay is `delay`
     name: str = field(default="diffusive-wave", init=False)
     surface_area: None = field(default=None, init=False)
 
