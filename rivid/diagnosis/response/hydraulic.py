@@ -99,8 +99,8 @@ class HydraulicResponse(Response):
     The corrections are small by their prior: without them the difference of a smooth channel from a real one
     would appear as a lag of the gate.
 
-    The parameters are the logarithms of length, width, mean depth at the usual level and Manning's n; the
-    fall of the bed [m], linear since it may be 0; the run of the banks; the logarithm of the time of the gates;
+    The parameters are the logarithms of length, width, mean depth at the usual level and n of Manning; the
+    fall of the bed [m], linear since it may be 0; the run of the banks; the logarithm of the time of gates;
     modes of the width and of the bed; corrections; the lag of the gauge behind h.
 
     Notes
