@@ -74,8 +74,8 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     )
     longest = float((bounds.kinematic if reach.kind == "river" else bounds.gravity).max())
     if longest < T_s:
-        lines += f"\n# a wave takes {longest:.0f} s or less, a sample {T_s:g} s: no delay can be resolved; log every"
-        lines += f"\n# {longest / 2.0:.0f} s or more often"
+        lines += f"\n# a wave takes {longest:.0f} s or less, a sample {T_s:g} s: no delay can be resolved;"
+        lines += f"\n# log every {longest / 2.0:.0f} s or more often"
     days = math.ceil((3 if reach.kind == "river" else 2) * proposal.order * T_s / DAY)
     if days > settings.run.window_days:  # the response needs two samples for each of its lags
         lines += f"\n# set [run] window_days = {days} or more: the response is long beside a data set"

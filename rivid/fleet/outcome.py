@@ -67,8 +67,9 @@ class Outcome:
     `days_week` days of its last week with a row, `answered_week` have an answer, with the median
     `week_median` [samples]. `moved` is whether the delay has moved in the last week, by
     :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week less that
-    of the weeks before [samples], 0 without a test. `recent` are failed days of its last week and their
-    messages.
+    of the weeks before [samples], 0 without a test. `since` is the ISO date of a step in the last nine weeks
+    (:func:`rivid.report.summary.stepped`), of the size `change`, or empty. `recent` are failed days of its
+    last week and their messages.
     """
 
     reach: str
@@ -92,6 +93,7 @@ class Outcome:
     band: dict[str, Any] | None = None
     moved: bool | None = None
     change: float = 0.0
+    since: str = ""
     recent: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -102,7 +104,7 @@ def worst(codes: Iterable[int]) -> int:
 
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
-    from rivid.report.summary import last_week, leading
+    from rivid.report.summary import last_week, leading, stepped
     from rivid.results.read import day_numbers
     from rivid.results.store import brief_results
 
@@ -123,6 +125,8 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
             if status == "failed" and date > dates[-1] - dt.timedelta(days=WEEK):
                 failed.setdefault(str(date), message)
     trend = recent.trend if recent else None
+    change = trend["now"] - trend["before"] if trend else 0.0
+    found = stepped(recent) if recent and not (trend and trend["moved"]) else None
     return Outcome(
         reach=reach, code=summary.exit_code, data_sets=summary.windows, computed=summary.computed,
         dropped=summary.dropped, failures=summary.failures, new_failures=summary.new_failures,
@@ -132,7 +136,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         sample_time=config.reach.sample_time, answered_week=len(answers), days_week=int(week.sum()),
         week_median=float(np.median(answers)) if len(answers) else None, band=band(days, values),
         moved=trend["moved"] if trend else None,
-        change=trend["now"] - trend["before"] if trend else 0.0,
+        change=found[2] - found[1] if found else change, since=str(found[0]) if found else "",
         recent=sorted(failed.items())[-MOST_FAILURES:],
     )  # fmt: skip
 

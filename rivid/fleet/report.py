@@ -133,7 +133,7 @@ def _context(
         "made": minute(found["made"]),
         "since": minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
-        "moved": sorted(chosen["left_band"], key=widths, reverse=True),
+        "moved": sorted([*chosen["left_band"], *(o for o in outcomes if o.since)], key=widths, reverse=True),
         "tested": sum(o.moved is not None for o in outcomes),
         "level": LEVEL,
         "unanswered": chosen["unanswered"],

@@ -254,6 +254,18 @@ def step(values: Floats, flow: Floats, day: Floats) -> int | None:
     return best + STEP_DAYS if statistic > STEP_LIMIT and (lower > high or upper < low) else None
 
 
+def stepped(recent: LastWeek) -> tuple[dt.date, float, float] | None:
+    """Return the date of a :func:`step` in the last nine weeks and the medians on both sides [samples]."""
+    e = recent.estimator
+    used = np.flatnonzero(recent.decided & (weeks_ago(e.dates) <= WEEKS))
+    values, flow = recent.values[used], e.mean_inflow[used]
+    known = np.isfinite(flow).all()
+    place = step(values, flow if known else np.ones(len(used)), read.day_numbers(e.dates)[used])
+    if place is None:
+        return None
+    return e.dates[used[place]], _median(values[:place]), _median(values[place:])
+
+
 def impossible(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> tuple[Bools, Bools]:
     """Return the days with an arrival that the geometry excludes: too fast and too slow, each of shape (n,).
 
@@ -361,10 +373,7 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
     undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
     spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
-    used = np.flatnonzero(recent.decided & (ago <= WEEKS) & np.isfinite(e.mean_inflow))
-    values, place = recent.values[used], None
-    if t is None or not t["moved"]:
-        place = step(values, e.mean_inflow[used], read.day_numbers(e.dates)[used])
+    since = None if t is not None and t["moved"] else stepped(recent)
     inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
     if t is not None:
         code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
@@ -375,8 +384,8 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     return {
         "code": code,
         "trend": t,
-        "since": None if place is None else e.dates[used[place]],
-        "sides": None if place is None else [_median(values[:place]), _median(values[place:])],
+        "since": since[0] if since else None,
+        "sides": since[1:] if since else None,
         "days": int(days[0]),
         "weeks": there,
         "weeks_used": int((days[1:] >= FEWEST_DAYS).sum()),

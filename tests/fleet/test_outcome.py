@@ -84,6 +84,13 @@ def test_the_fleet_and_the_report_agree_on_a_move(shift):
     assert (got.band["low"], got.band["high"], got.band["above"]) == (6, 7, 7 if shift else 0)
 
 
+def test_a_step_in_the_weeks_before_is_listed_with_its_date(tmp_path):
+    got = outcome(simple(STEADY[:-20] + [d + 4 for d in STEADY[-20:]]))
+    assert not got.moved and got.change == pytest.approx(4.0, abs=0.6)
+    found = write_fleet(tmp_path, [got], "fleet")
+    assert got.since and found["left_band"] == [] and got.since in (tmp_path / "fleet.html").read_text()
+
+
 def test_days_that_the_prior_decides_and_failed_days_are_no_answers_of_the_week():
     prior = np.arange(63) >= 61
     status, messages = ["ok"] * 60 + ["failed", "ok", "ok"], [""] * 60 + ["gap", "", ""]

@@ -398,7 +398,7 @@ def test_a_step_within_the_weeks_before_is_reported_with_its_date():
         e, delay=moved, status=["ok"] * 56, prior_only=np.zeros(56, bool), mean_inflow=np.full(56, 300.0)
     )
     got = summary_of(run)["moved"]
-    assert got["code"] != "moved" and got["since"] == e.dates[43] and got["sides"] == [7.0, 11.0]
+    assert got["code"] != "moved" and got["since"] == e.dates[43] and got["sides"] == (7.0, 11.0)
 
 
 def test_a_delay_far_longer_than_the_gravity_wave_puts_the_geometry_in_doubt():
