@@ -30,7 +30,6 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.pursuit import Steps, pursue, receding, squares, steps_of
 from rivid.effects import Effect
 from rivid.effects.flow import PassingFlow
-from rivid.errors import RividError
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
 Shape = Literal["pulse", "recession", "jump"]
@@ -120,15 +119,6 @@ class Kind:
     grid: tuple[float, ...] = ()  # durations or recessions [s]
 
     def __post_init__(self) -> None:
-        kernel = np.asarray(self.kernel, float)
-        if kernel.ndim != 1 or len(kernel) < 2 or not np.isfinite(kernel).all() or not kernel.any():
-            raise RividError(f"kernel of {self.name} has shape {kernel.shape}: expected two or more finite "
-                             "numbers, not all zero")  # fmt: skip
-        if self.sign not in (-1, 0, 1):
-            raise RividError(f"sign of {self.name} is {self.sign}: expected -1, 0 or 1")
-        if any(not x > 0.0 for x in self.grid):
-            raise RividError(f"grid of {self.name} is {self.grid}: expected durations over 0 s")
-        object.__setattr__(self, "kernel", kernel)
         if not self.grid:
             object.__setattr__(self, "grid", GRIDS[self.shape])
 
@@ -203,14 +193,8 @@ class Rows:
         follows: ArrayLike | None,
     ) -> None:  # fmt: skip
         z = np.asarray(residual, float)
-        if z.ndim != 2 or not 0 <= lead < z.shape[1]:
-            raise RividError(
-                f"residual has shape {z.shape} with a lead of {lead}: expected (days, n), n > lead"
-            )
         days, n = z.shape
         self.follows = np.zeros(days, bool) if follows is None else np.asarray(follows, bool)
-        if self.follows.shape != (days,):
-            raise RividError(f"follows has shape {self.follows.shape}: expected ({days},)")
         self.whiten, self.kind, self.T, self.lead = whiten, kind, sample_time, lead
         self.there = np.isfinite(z)
         self.white = whiten(np.where(self.there, z, np.nan)[None], z)[0]

@@ -157,13 +157,8 @@ class Scores:
 
 
 def as_scores(score: ArrayLike, used: ArrayLike, blocks: ArrayLike) -> Scores:
-    """Validate scores of an inflow (days, n), with the information 1, used samples and blocks (days,)."""
+    """Prepare scores of an inflow (days, n), with the information 1, used samples and blocks (days,)."""
     there, s, block = np.asarray(used, bool), np.asarray(score, float), np.asarray(blocks)
-    if s.ndim != 2 or s.shape != there.shape or block.shape != s.shape[:1]:
-        raise RividError(f"score, used, blocks have shapes {s.shape}, {there.shape}, {block.shape}: "
-                         "expected (days, n) and (days,)")  # fmt: skip
-    if not np.isfinite(s[there]).all():
-        raise RividError("a used sample has no score: mark it as not used")
     seen = len(np.unique(block[there.any(1)]))
     if seen < FEWEST_BLOCKS:
         raise RividError(f"{seen} blocks have samples that count: expected {FEWEST_BLOCKS} or more; "

@@ -137,11 +137,6 @@ def segment(
     are divided nevertheless, estimated from `draws` simulated ones.
     """
     g, q, block = np.asarray(score, float), np.asarray(information, float), np.asarray(blocks)
-    if not (g.shape == q.shape == block.shape and g.ndim == 1):
-        raise RividError(f"score, information and blocks have shapes {g.shape}, {q.shape}, {block.shape}: "
-                         "expected one number a day in each")  # fmt: skip
-    if not (np.isfinite(g).all() and np.isfinite(q).all() and (q >= 0.0).all()):
-        raise RividError("scores are not finite or information is negative: give days without data 0 and 0")
     there = np.unique(block[q > 0.0])
     if len(there) < FEWEST_BLOCKS:
         raise RividError(f"{len(there)} blocks have data: expected {FEWEST_BLOCKS} or more; "

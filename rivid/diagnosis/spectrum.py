@@ -51,9 +51,6 @@ def spectrum(
     """
     r, there = np.asarray(innovations, float), np.asarray(used, bool)
     weight = np.ones(len(r)) if weights is None else np.asarray(weights, float)
-    if r.ndim != 2 or r.shape != there.shape or weight.shape != r.shape[:1]:
-        raise RividError(f"innovations, used, weights have shapes {r.shape}, {there.shape}, {weight.shape}: "
-                         "expected (days, n) twice and (days,)")  # fmt: skip
     if (rank := int(level * (draws + 1))) < 1:
         raise RividError(f"{draws} draws give no limit at {level:g}: expected {int(1 / level)} or more")
     rows = (there.sum(1) >= FEWEST) & (weight > 0.0)

@@ -19,7 +19,6 @@ from rivid.diagnosis.events import (
     timetable,
 )
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.errors import RividError
 from tests.diagnosis import sizes
 
 T, N, A = 133.0, 400, 2e6
@@ -420,16 +419,3 @@ def test_seasons_of_noise_have_no_jumps(seasons):
         for seed in range(seasons)
     ]
     assert sum(many) <= seasons // 30
-
-
-def test_what_cannot_be_an_event_is_refused():
-    with pytest.raises(RividError, match="sign of x is 2: expected -1, 0 or 1"):
-        Kind("x", "pulse", 2, HERE)
-    with pytest.raises(RividError, match="expected two or more finite numbers"):
-        Kind("x", "pulse", 1, np.zeros(9))
-    with pytest.raises(RividError, match="expected durations over 0 s"):
-        Kind("x", "pulse", 1, HERE, (0.0,))
-    with pytest.raises(RividError, match="n > lead"):
-        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, lead=9, refine=False)
-    with pytest.raises(RividError, match="follows has shape"):
-        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, follows=[True], refine=False)

@@ -156,10 +156,6 @@ def test_parts_of_the_season_are_whole_blocks():
     assert season(DATES[:24], BLOCKS[:24], N) is None
 
 
-def test_what_cannot_be_binned_is_refused():
-    with pytest.raises(RividError, match=r"expected \(days, n\) and \(days,\)"):
-        as_scores(scores(0), USED, BLOCKS[:5])
-    with pytest.raises(RividError, match="mark it as not used"):
-        as_scores(np.full((DAYS, N), np.nan), USED, BLOCKS)
+def test_too_few_blocks_are_refused():
     with pytest.raises(RividError, match="4 blocks have samples that count: expected 8 or more"):
         as_scores(scores(0)[:12], USED[:12], BLOCKS[:12])
