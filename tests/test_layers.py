@@ -30,7 +30,7 @@ LAYERS = (
 OUTSIDE = {
     "core": {"numpy", "scipy"},
     "reach": {"numpy", "scipy", "numba"},
-    "effects": {"numpy", "scipy", "click", "rich"},
+    "effects": {"numpy", "scipy", "click"},
 }
 """Third-party packages that the mathematics may import."""
 
@@ -124,7 +124,7 @@ def test_importing_rivid_loads_nothing_heavy():
 
 
 def test_help_loads_nothing_heavy():
-    heavy = "numpy pandas matplotlib scipy pyarrow pydantic rich"
+    heavy = "numpy pandas matplotlib scipy pyarrow pydantic"
     code = (
         "import sys\nfrom rivid.cli import cli\n"
         "for words in (['--help'], ['run', '--help'], ['simulate', '--help'], ['check', '--help']):\n"

@@ -141,13 +141,8 @@ def progress(total: int) -> Iterator[Callable[[int], None]]:
     if not sys.stderr.isatty():
         yield lambda n: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("estimating", total=total)
-        yield lambda n: bar.update(task, advance=n)
+    with click.progressbar(length=total, label="estimating", show_pos=True, file=sys.stderr) as bar:
+        yield bar.update
 
 
 def versions() -> str:

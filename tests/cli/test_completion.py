@@ -12,7 +12,7 @@ from rivid.cli import COMMANDS
 from rivid.effects import effect_classes
 from rivid.estimators import ESTIMATORS
 
-HEAVY = {"numpy", "pandas", "matplotlib", "scipy", "pyarrow", "pydantic", "rich"}
+HEAVY = {"numpy", "pandas", "matplotlib", "scipy", "pyarrow", "pydantic"}
 
 
 def complete(*words, cwd=None):

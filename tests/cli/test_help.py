@@ -122,7 +122,7 @@ def test_slow_commands_have_quiet_and_verbose_but_not_both(rivid, tmp_path, name
 
 
 def test_help_loads_nothing_heavy():
-    heavy = "numpy pandas matplotlib scipy pyarrow pydantic rich numba"
+    heavy = "numpy pandas matplotlib scipy pyarrow pydantic numba"
     code = (
         "import sys\nfrom rivid.cli import COMMANDS, cli\n"
         "for name in COMMANDS:\n    cli.main([name, '--help'], standalone_mode=False)\n"
