@@ -12,7 +12,6 @@ from typing import Any
 import click
 
 from rivid.errors import printable
-from rivid.text import duration
 
 SHOWN_AFTER = 10.0
 """Time after which a step is shown with the time since the first one [s]."""
@@ -105,7 +104,8 @@ class Console:
         def step(text: str) -> None:
             nonlocal current
             past = time.perf_counter() - began
-            end = f", {duration([past])} so far" if past >= SHOWN_AFTER else ""
+            so_far = f"{past:.0f} s" if past < 120.0 else f"{past / 60.0:.0f} min"
+            end = f", {so_far} so far" if past >= SHOWN_AFTER else ""
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:
