@@ -167,7 +167,7 @@ def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> s
 
 
 MOST_TAGS = 200
-VALUE = re.compile(r"values?|val|wert|messwert|valeurs?|valor|valore|reading|vtq|magnitude", re.I)
+VALUE = re.compile(r"values?|val|v|pv|wert|messwert|valeurs?|valor|valore|reading|vtq|magnitude", re.I)
 _IDENTIFIER = re.compile(
     r"station|site|sensor|gau?ge|tag|point|param|series|(^|[^a-z])(id|no|nr|num|number|code)$|id$", re.I
 )
