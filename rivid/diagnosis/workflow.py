@@ -549,12 +549,6 @@ class _Search:
         """Return the nominal response of the kind of a model."""
         return next(reach for reach in self.responses if reach.name == model.reach.name)
 
-    def _some_days(self, parent: Explanation, which: Ints) -> Record:
-        """Return some of the open days, with the events of an explanation subtracted."""
-        chosen = np.flatnonzero(self.opened)[which]
-        few = self.record.take(chosen)
-        return replace(few, output=few.output - parent.coded[chosen])
-
     def _refitted(
         self, one: Explanation, near: Explanation | None, fresh: int = 2, enough: float = ENOUGH
     ) -> Explanation | None:
@@ -618,7 +612,9 @@ class _Search:
         nominal = self._nominal(one.model)
         if one.added is None or not isinstance(nominal, HydraulicResponse):
             return one
-        few = self._some_days(one, _spread(int(self.opened.sum())))
+        chosen = np.flatnonzero(self.opened)[_spread(int(self.opened.sum()))]
+        few = self.record.take(chosen)
+        few = replace(few, output=few.output - one.coded[chosen])
         reach = settled(replace(one.model, reach=_coarse(nominal), noise=None), few, 0).reach
         model = replace(one.model, reach=nominal.with_parameters(vector_of(reach)), noise=None)
         more = self._refitted(replace(one, model=model), None, FRESH)
