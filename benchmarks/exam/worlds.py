@@ -25,7 +25,7 @@ from rivid.simulation.season import Season, Water, simulate
 from rivid.types import Floats
 
 Table = dict[str, Any]
-FIRST_PROOF = 11_898
+FIRST_PROOF = 11_920
 KINDS = ("linear", "saint_venant", "box")
 """A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other
 sections."""
