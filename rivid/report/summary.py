@@ -237,10 +237,10 @@ def step(values: Floats, flow: Floats, day: Floats) -> int | None:
     n = len(values)
     if n < 2 * STEP_DAYS:
         return None
-    given = np.column_stack([np.ones(n), np.log(np.maximum(flow, 1e-9))])
-    basis = np.linalg.svd(given - [0.0, given[:, 1].mean()], full_matrices=False)[0]
-    steps = np.tril(np.ones((n, n)))[:, STEP_DAYS : n - STEP_DAYS + 1]
-    steps, left = (part - basis @ (basis.T @ part) for part in (steps, values))
+    known = np.column_stack([np.ones(n), np.log(np.maximum(flow, 1e-9))])
+    both = np.column_stack([np.tril(np.ones((n, n)))[:, STEP_DAYS : n - STEP_DAYS + 1], values])
+    both -= known @ np.linalg.lstsq(known, both, rcond=None)[0]  # a flow that rests is no second column
+    steps, left = both[:, :-1], both[:, -1]
     size = np.maximum((steps * steps).sum(axis=0), 1e-9)
     best = int(np.argmax((steps.T @ left) ** 2 / size))
     along = float(steps[:, best] @ left)
@@ -257,10 +257,9 @@ def step(values: Floats, flow: Floats, day: Floats) -> int | None:
 def stepped(recent: LastWeek) -> tuple[dt.date, float, float] | None:
     """Return the date of a :func:`step` in the last nine weeks and the medians on both sides [samples]."""
     e = recent.estimator
-    used = np.flatnonzero(recent.decided & (weeks_ago(e.dates) <= WEEKS))
-    values, flow = recent.values[used], e.mean_inflow[used]
-    known = np.isfinite(flow).all()
-    place = step(values, flow if known else np.ones(len(used)), read.day_numbers(e.dates)[used])
+    used = np.flatnonzero(recent.decided & (weeks_ago(e.dates) <= WEEKS) & np.isfinite(e.mean_inflow))
+    values = recent.values[used]
+    place = step(values, e.mean_inflow[used], read.day_numbers(e.dates)[used])
     if place is None:
         return None
     return e.dates[used[place]], _median(values[:place]), _median(values[place:])

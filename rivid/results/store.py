@@ -322,7 +322,7 @@ CHUNK = 8192
 
 SHORT = (
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
-    "probability", "at_bound",
+    "probability", "at_bound", "mean_inflow_m3s",
 )  # fmt: skip
 """Columns in memory of all rows; of the messages, those of failed days."""
 

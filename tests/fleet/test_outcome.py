@@ -32,6 +32,7 @@ def rows_of(run):
             "prior_only": e.prior_only,
             "probability": pa.nulls(n, pa.float64()),
             "at_bound": e.at_bound,
+            "mean_inflow_m3s": pa.array(e.mean_inflow, from_pandas=True),
         }
     )
 
