@@ -1,7 +1,7 @@
 """How large an effect must be to be missing at all: 1x of the exam.
 
 A reference follows the season's logs: Saint-Venant in a smooth channel of the world's mean geometry, kept
-near the true level. It knows the noise, which is the weather, the gauge, and a misfit: no response to be
+near the true level; of a linear store and of a river, their own equations. It knows the noise, which is the weather, the gauge, and a misfit: no response to be
 calibrated has the unevenness of the water, and what it lacks comes with changes of flow. So the level error
 walks by :data:`MISFIT` of the level's second difference, see :func:`misfit`.
 
@@ -22,6 +22,9 @@ from numba import njit
 
 from benchmarks.exam.river import RiverWater
 from benchmarks.exam.worlds import Table, World
+from rivid.core.hydraulics import GRAVITY
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.response.linear import LinearPool
 from rivid.effects import Effect, changes_of
 from rivid.effects.flow import InflowGainError, StorageAreaSlope
 from rivid.effects.level import RatingShift
@@ -190,6 +193,8 @@ class Reference:
         What one prior standard deviation of each number that a calibration moves does to the level [m].
     unknown : ndarray, shape (q, rows, n)
         The same of what no calibration has: how waves and banks of the true reach differ.
+    run : callable
+        Level of the water with changes on the season's grid [m], shape (rows, n).
     """
 
     world: World
@@ -200,6 +205,7 @@ class Reference:
     walk: Floats
     columns: Floats
     unknown: Floats
+    run: Callable[[Changes], Floats]
 
     @property
     def rise(self) -> float:
@@ -225,11 +231,7 @@ class Reference:
     def change(self, changes: Changes) -> Floats:
         """What changes on the season's grid do to the level as read [m], shape (rows, n)."""
         part = cut(changes, self.season.world.time.shape, self.at)
-        if self.world.kind == "river":
-            moved = routed(self.world, self.season, changes)[self.at] - self.base
-            return np.asarray(moved + part.gauge)
-        channel, gate_time = channel_of(self.world)
-        return follow(self, channel, gate_time, part) - self.base + part.gauge
+        return np.asarray(self.run(changes) - self.base + part.gauge)
 
 
 def cut(changes: Changes, shape: tuple[int, ...], at: np.ndarray) -> Changes:
@@ -266,7 +268,7 @@ def channel_of(world: World, **more: float) -> tuple[Channel, float]:
     return channel, gate_time
 
 
-def follow(grid: "Reference | Stretches", channel: Channel, gate_time: float, changes: Changes) -> Floats:
+def follow(grid: "Stretches", channel: Channel, gate_time: float, changes: Changes) -> Floats:
     """Level of a channel kept near the true one, less the volume that keeps it there [m], (rows, n)."""
     time, at = grid.season.world.time[grid.at], grid.at
     flow = simulate(
@@ -320,16 +322,24 @@ def reference(world: World, season: Season) -> Reference:
     grid = stretches(season)
     if world.kind == "river":
         return _of_river(world, season, grid)
-    channel, gate_time = channel_of(world)
-    base = follow(grid, channel, gate_time, NO_CHANGES)
-    moves = {name: 1.0 + NUDGED * sd for name, sd in KNOWN.items()}
-    moves["fall"] = NUDGED * 0.2 * world.scenario.reach.depth
-    columns = [
-        (follow(grid, channel_of(world, **{name: move})[0], gate_time, NO_CHANGES) - base) / NUDGED
-        for name, move in moves.items()
-    ]
-    time = season.world.time[grid.at]
-    columns.append(stilled(time, base, GAUGE_LAG) - base)
+    shape, time = season.world.time.shape, season.world.time[grid.at]
+    if world.kind == "linear":
+        run, columns = _of_store(world, season, grid)
+        base = run(NO_CHANGES)
+    else:
+        channel, gate_time = channel_of(world)
+
+        def run(changes: Changes) -> Floats:
+            return follow(grid, channel, gate_time, cut(changes, shape, grid.at))
+
+        base = run(NO_CHANGES)
+        moves = {name: 1.0 + NUDGED * sd for name, sd in KNOWN.items()}
+        moves["fall"] = NUDGED * 0.2 * world.scenario.reach.depth
+        columns = [
+            (follow(grid, channel_of(world, **{name: move})[0], gate_time, NO_CHANGES) - base) / NUDGED
+            for name, move in moves.items()
+        ]
+        columns.append(stilled(time, base, GAUGE_LAG) - base)
     T = season.sample_time
     size = CORRECTED * T / world.scenario.reach.surface_area
     arrives = int(world.travel // T)
@@ -340,7 +350,7 @@ def reference(world: World, season: Season) -> Reference:
         columns += [size * (np.take(rows, np.maximum(np.arange(rows.shape[1]) - k, 0), axis=1) - rows[:, :1])
                     for k in dict.fromkeys(lags)]  # fmt: skip
     taken = np.array(columns)
-    bare = Reference(world, season, grid.at, grid.level, base, misfit(base), taken, taken[:0])
+    bare = Reference(world, season, grid.at, grid.level, base, misfit(base), taken, taken[:0], run)
     usual = UNEVEN * world.travel
     more = [
         bare.change(changes_of((effect,), season.world))
@@ -352,6 +362,31 @@ def reference(world: World, season: Season) -> Reference:
     return replace(bare, unknown=np.array(more))
 
 
+def _of_store(
+    world: World, season: Season, grid: Stretches
+) -> tuple[Callable[[Changes], Floats], list[Floats]]:
+    """Level of a linear store with changes, and what one prior sd of each number of its calibration does."""
+    time, at = season.world.time[grid.at], grid.at
+    record = Record(
+        season.dates[: len(at)], time, season.world.inflow[at], season.all_outflow[at], grid.level,
+        np.ones(time.shape, bool), 0, season.sample_time,
+    )  # fmt: skip
+    reach, flow = world.scenario.reach, record.usual_flow
+    velocity = flow / (reach.width * reach.depth)
+    celerity = velocity + float(np.sqrt(GRAVITY * reach.wave_depth))
+    pool = LinearPool.nominal(
+        record, "none", surface_area=reach.surface_area, delay=reach.length / celerity,
+        speed_share=velocity / celerity,
+    )  # fmt: skip
+
+    def run(changes: Changes) -> Floats:
+        part = cut(changes, season.world.time.shape, at)
+        return pool.baseline(record, replace(part, gauge=np.zeros(1)))
+
+    slopes = pool.slopes(record, run(NO_CHANGES))
+    return run, [slope * p.sd for slope, p in zip(slopes, pool.parameters, strict=True)]
+
+
 RIVER = {"delay": 0.3, "spread": 0.25, "held": 1.0, "exponent": 0.2, "gain": 0.03}
 """What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held,
 the exponent of the delay, and the gain and the constant of two ratings; standard deviations as of the
@@ -360,8 +395,13 @@ diagnosis's response."""
 
 def _of_river(world: World, season: Season, grid: Stretches) -> Reference:
     """The same of a river: the reference is the river itself, without weather."""
-    base = routed(world, season, NO_CHANGES)[grid.at]
-    bare = Reference(world, season, grid.at, grid.level, base, misfit(base), base[None][:0], base[None][:0])
+
+    def run(changes: Changes) -> Floats:
+        return routed(world, season, changes)[grid.at]
+
+    base = run(NO_CHANGES)
+    none = base[None][:0]
+    bare = Reference(world, season, grid.at, grid.level, base, misfit(base), none, none, run)
     moved = NUDGED * world.travel
     nudges = (
         (ClockOffset(offset=moved * RIVER["delay"]), NUDGED),
