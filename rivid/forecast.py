@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri
 
 from rivid.config import Config
 from rivid.diagnosis.calibrated import ReachModel
@@ -48,20 +49,15 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,).
+    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,)."""
 
-    `time` is in seconds since the local midnight of `first`. `inflow` and `outflow` are flows [m3/s], NaN
-    where they are not known, the outflow of a river zero; `output` is NaN where it is missing. `now` is the
-    index of the origin of the forecast, `begin` the time of the first sample, with the zone of the log.
-    """
-
-    time: Floats
+    time: Floats  # since the local midnight of `first` [s]
     first: dt.date
-    inflow: Floats
-    outflow: Floats
-    output: Floats
-    now: int
-    begin: dt.datetime
+    inflow: Floats  # [m3/s], NaN where it is not known
+    outflow: Floats  # the same; of a river zero
+    output: Floats  # [m or m3/s], NaN where it is missing
+    now: int  # index of the origin of the forecast
+    begin: dt.datetime  # time of the first sample, in the zone of the log
 
     def moment(self, index: int) -> dt.datetime:
         """Local time of a sample."""
@@ -120,20 +116,17 @@ def read_logs(
     spec, sources = spec_of(config), find_days(root, config).days
     if at is not None:
         sources = [s for s in sources if s.date <= (at + dt.timedelta(hours=hours)).date()]
-    last = len(sources)
-    while last:  # the last day with an output; later ones may announce flows
-        series, zone, refused = read_series(root, sources[last - 1 : last], config)
+    for last in reversed(sources):  # the last day with an output; later ones may announce flows
+        series, zone, _ = read_series(root, [last], config)
         times = series[spec.output][0]
         if at is not None:
             times = times[times <= at.timestamp() * MICRO]
         if len(times) and zone is not None:
             break
-        last -= 1
     else:
         raise NoDataError(f"{root}: no {spec.output} is logged {f'until {at}' if at else 'at all'}")
-    oldest = sources[last - 1].date - dt.timedelta(days=HISTORY)
-    kept = [s for s in sources if s.date >= oldest]
-    series, _, refused = read_series(root, kept, config)
+    oldest = last.date - dt.timedelta(days=HISTORY)
+    series, _, refused = read_series(root, [s for s in sources if s.date >= oldest], config)
     origin = int(times[-1]) if at is None else round(at.timestamp() * MICRO)
     step = round(model.sample_time * MICRO)
     start = min(int(column[0][0]) for column in series.values() if len(column[0]))
@@ -211,25 +204,22 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
     y0 = _hold(series.output)[origins]
-    if len(past) >= FEWEST:
+    learns = len(past) >= FEWEST
+    if learns:
         target = series.output[past[:, None] + steps] - y0[:-1, None]
         quantiles = learnt_quantiles(X[:-1], target, sd[:-1], X[-1:], sd[-1:])[:, 0]
     else:
-        from scipy.special import ndtri
-
         quantiles = simulated[-1] + ndtri(np.array(LEVELS))[:, None] * sd[-1]
-        more = (
-            f"{len(past)} earlier forecasts: expected {FEWEST} or more to learn from; the bands are the noise"
-        )
-        notes = (*notes, f"{more} model's, which holds flows to be known")
+        more = f"{len(past)} earlier forecasts: expected {FEWEST} or more to learn from; the bands are"
+        notes = (*notes, f"{more} the noise model's, which holds flows to be known")
     later = slice(now + 1, None)
     inflow, outflow = series.inflow.copy(), series.outflow.copy()
     inflow[later], outflow[later] = flows[0][-1], flows[1][-1]
     up = model.kernels(lead + 1)["up"]
     return Forecast(
         replace(series, inflow=inflow, outflow=outflow), y0[-1] + quantiles, announced,
-        len(past) if len(past) >= FEWEST else 0, _half(model, up) * model.sample_time, tuple(notes),
-        flows[2][-1] if announced < ahead and len(past) >= FEWEST else None,
+        len(past) if learns else 0, _half(model, up) * model.sample_time, tuple(notes),
+        flows[2][-1] if announced < ahead and learns else None,
     )  # fmt: skip
 
 
@@ -259,21 +249,15 @@ def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
 
 
 def run(
-    model: ReachModel,
-    series: Series,
-    origins: Ints,
-    lead: int,
-    ahead: int,
-    announced: int,
-    repeat: bool = False,
+    model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int, repeat: bool
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
-    """Simulated change of the output after each origin, by the logs until there and the announced flows.
+    """Simulated change of the output after each origin (m,), by the logs until there and the announced flows.
 
-    `origins` are of shape (m,). The simulation begins `lead` samples before each and ends `ahead` samples
-    after it, the flows of the first `announced` of which are known. The inflow that is not announced is that
-    of the day before with `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less
-    the last measured one and its standard deviation by the noise [m or m3/s]; the expected residual after the
-    origin, (m,) [m or m3/s]; and the inflow and outflow that were assumed, (m, ahead) [m3/s].
+    The simulation begins `lead` samples before each origin and ends `ahead` samples after it, the flows of
+    the first `announced` of which are known. The inflow that is not announced is that of the day before with
+    `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less the last measured one
+    and its standard deviation by the noise [m or m3/s]; the expected residual after the origin, (m,); and the
+    inflow and outflow that were assumed, (m, ahead) [m3/s].
     """
     steps = np.arange(-lead, ahead + 1)
     at = np.maximum(origins[:, None] + steps, 0)
@@ -321,15 +305,15 @@ def simulations(
     change, that with the inflow of the day before, the distance to the mean, the change of the day before,
     the residual, and 1.
     """
-    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced)
+    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, repeat=False)
     repeated, before = np.zeros_like(simulated), flows[0]
     if announced < ahead:
         repeated, _, _, (before, _) = run(model, series, origins, lead, ahead, announced, repeat=True)
-    day = round(DAY / model.sample_time)
+    day, steps = round(DAY / model.sample_time), np.arange(1, ahead + 1)
     held = _hold(series.output)
     y0 = held[origins]
     mean = float(np.nanmean(series.output[: series.now + 1]))
-    ago = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
+    ago = origins[:, None] + steps - day * -(-steps // day)  # whole days before, to what is measured
     ended = np.take(held, np.maximum(ago, 0))
     change = np.where((ago >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
