@@ -57,44 +57,33 @@ def band(days: Ints, values: Floats) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of the run of one reach.
-
-    `code` is the exit code of `rivid run` of this reach alone, `error` why it could not be run, or empty. Of
-    its `data_sets`, `computed` were estimated in its last run; `dropped` of earlier runs have no logs any
-    more. `new_failures` of the `failures` are reported for the first time; `bad_files` are no logs.
-    `content` is a digest of the results, `first` and `last` are ISO dates of the record. `estimator` and
-    `quantity` (delay or t50) are those of the `band` (:func:`band`), `sample_time` is T_s [s]. Of the
-    `days_week` days of its last week with a row, `answered_week` have an answer, with the median
-    `week_median` [samples]. `moved` is whether the delay has moved in the last week, by
-    :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week less that
-    of the weeks before [samples], 0 without a test. `since` is the ISO date of a step in the last nine weeks
-    (:func:`rivid.report.summary.stepped`), of the size `change`, or empty. `recent` are failed days of its
-    last week and their messages.
-    """
+    """The outcome of the run of one reach."""
 
     reach: str
-    code: int
-    error: str = ""
+    code: int  # exit code of `rivid run` of this reach alone
+    error: str = ""  # why it could not be run
     data_sets: int = 0
-    computed: int = 0
-    dropped: int = 0
+    computed: int = 0  # data sets that were estimated in its last run
+    dropped: int = 0  # data sets of earlier runs that have no logs any more
     failures: int = 0
-    new_failures: int = 0
-    bad_files: int = 0
-    content: str = ""
-    first: str = ""
+    new_failures: int = 0  # of the failures, those reported for the first time
+    bad_files: int = 0  # files that are no logs
+    content: str = ""  # digest of the results
+    first: str = ""  # first and last day of the record, ISO dates
     last: str = ""
-    estimator: str = ""
+    estimator: str = ""  # estimator and quantity (delay or t50) of the band
     quantity: str = ""
-    sample_time: float = 0.0
-    answered_week: int = 0
-    days_week: int = 0
-    week_median: float | None = None
-    band: dict[str, Any] | None = None
+    sample_time: float = 0.0  # T_s [s]
+    answered_week: int = 0  # of the days with a row, those with an answer
+    days_week: int = 0  # days of its last week with a row
+    week_median: float | None = None  # of the answers of its last week [samples]
+    band: dict[str, Any] | None = None  # see :func:`band`
+    # whether the delay has moved in the last week (:func:`rivid.report.summary.trend`); None without a test
     moved: bool | None = None
+    # median of the last week less that of the weeks before [samples], 0 without a test; or that of the step
     change: float = 0.0
-    since: str = ""
-    recent: list[tuple[str, str]] = field(default_factory=list)
+    since: str = ""  # ISO date of a step in the last nine weeks (:func:`rivid.report.summary.stepped`)
+    recent: list[tuple[str, str]] = field(default_factory=list)  # failed days of its last week, and messages
 
 
 def worst(codes: Iterable[int]) -> int:
