@@ -14,7 +14,7 @@ GEOMETRY = ("length", "width", "depth", "discharge_range", "sample_time")
 @click.command("bounds")
 @click.argument("data_dir", type=shared.PATH, default=".")
 @shared.config()
-@click.option("--toml", "as_toml", is_flag=True, help="Only the proposal, as lines of a configuration.")
+@shared.flag("--toml", "Only the proposal, as lines of a configuration.", "as_toml")
 @shared.value("--write", shared.FILE, "FILE", "Put the proposal into this configuration.")
 @shared.as_json()
 def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | None, as_json: bool) -> int:

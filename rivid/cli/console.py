@@ -5,13 +5,17 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rivid.errors import printable
+from rivid.text import count
+
+if TYPE_CHECKING:
+    from rivid.run.workers import Progress
 
 SHOWN_AFTER = 10.0
 """Time after which a step is shown with the time since the first one [s]."""
@@ -75,21 +79,21 @@ class Console:
             click.echo(f"{now - self._since:8.2f} s  {name}", err=True)
         self._since = now
 
-    def timed(
-        self, progress: Callable[[int], Any] | None, what: str = "data sets"
-    ) -> Callable[[int], Any] | None:
-        """Return the progress bar of a run; with --verbose, one that also times the phases around it."""
-        if not self.verbose:
-            return progress
+    def progress(self, shown: bool, what: str) -> "Progress":
+        """Return a bar for so many data sets or reaches; with --verbose, the phases around it are timed."""
 
         @contextmanager
-        def bar(total: int) -> Iterator[Callable[[int], Any]]:
+        def timed(total: int) -> Iterator[Callable[[int], Any]]:
             self.phase("finding what is new")
-            with progress(total) if progress else nullcontext(lambda _: None) as advance:
-                yield advance
+            if shown and not self.quiet and sys.stderr.isatty():
+                bar = click.progressbar(length=total, label="estimating", show_pos=True, file=sys.stderr)
+                with bar:
+                    yield bar.update
+            else:
+                yield lambda n: None
             self.phase(f"estimating {total:,} {what}")
 
-        return bar
+        return timed
 
     @contextmanager
     def steps(self, name: str) -> Iterator[Callable[[str], None]]:
@@ -135,16 +139,6 @@ class Console:
             click.echo(f"{name:>10}  {text}", err=True)
 
 
-@contextmanager
-def progress(total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with a number of finished steps, which moves a bar on a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda n: None
-        return
-    with click.progressbar(length=total, label="estimating", show_pos=True, file=sys.stderr) as bar:
-        yield bar.update
-
-
 def versions() -> str:
     """Return the versions of rivid, Python and the numerical libraries, without importing them."""
     import platform
@@ -166,4 +160,4 @@ def files_in(folder: Path) -> str:
     if not files:
         return "no files"
     ends = files[0][0] if len(files) == 1 else f"{files[0][0]} to {files[-1][0]}"
-    return f"{len(files):,} file{'s' * (len(files) > 1)}, {sum(n for _, n in files) / 1e6:.1f} MB: {ends}"
+    return f"{count(len(files), 'file')}, {sum(n for _, n in files) / 1e6:.1f} MB: {ends}"

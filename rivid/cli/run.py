@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console, print_error, progress
+from rivid.cli.console import Console, print_error
 from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -98,7 +98,6 @@ def command(
         workers=workers, first=first, last=last, force=force, verify=verify, figures=not no_figures,
         today=today, shard=Shard.parse(shard) if shard else None,
     )  # fmt: skip
-    quiet, bar = console.quiet, None if console.quiet or as_json else progress
     reaches = find_fleet(data_dir, found, estimator, None if config else own)
     if reaches is not None:
         from rivid.cli.fleet import plan, run_all
@@ -106,10 +105,7 @@ def command(
         if dry_run:
             return plan(reaches, place)
         with dask or nullcontext():
-            code = run_all(
-                data_dir, reaches, place, options, strict=strict, as_json=as_json, quiet=quiet,
-                progress=console.timed(bar, "reaches"), engine=dask,
-            )  # fmt: skip
+            code = run_all(data_dir, reaches, place, options, dask, console, strict=strict, as_json=as_json)
         console.phase("the fleet's report")
         return code
 
@@ -121,13 +117,14 @@ def command(
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
     with dask or nullcontext():
-        summary = run(data_dir, place, settings, options, console.timed(bar), dask)
+        progress = console.progress(not as_json, "data sets")
+        summary = run(data_dir, place, settings, options, progress, dask)
     console.phase("bringing tables, figures and report up to date")
     if as_json:
         print_json(summary, with_days=not shard)
     _print_notes(summary, console, notes, options)
     if not as_json:
-        print_summary(summary, settings, options, quiet)
+        print_summary(summary, settings, options, console.quiet)
     return _exit_code(summary, strict, options)
 
 
