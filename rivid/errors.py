@@ -29,13 +29,7 @@ def printable(text: str) -> str:
 
 
 def nearest(came: object, names: Iterable[str]) -> str:
-    """Return a hint at the nearest of the names, as the end of a message; "" where none is near.
-
-    >>> nearest("rnu", ["run", "check"])
-    '; did you mean run?'
-    >>> nearest("xyz", ["run", "check"])
-    ''
-    """
+    """A hint at the nearest of the names, as the end of a message; "" where none is near."""
     from difflib import get_close_matches
 
     close = get_close_matches(str(came), list(names), 1)
