@@ -323,10 +323,8 @@ FORMATS: dict[str, Callable[[Path, Path, float], list[Path]]] = {
 def export(source: Path, out: Path, form: str, snapshot: float = HOUR) -> list[Path]:
     """Write a model or a law in a format of :data:`FORMATS` into `out`, which is created; return the files.
 
-    `source` is, for `state-space` and `rtc-tools`, the model.toml of `rivid diagnose` or its directory; for
-    `pypsa` and `csv`, the directory of a run that `rivid season` has joined. `snapshot` is the unit of the
-    delays of `pypsa` [s]. RividError where it lacks what
-    the format needs, or a file cannot be written.
+    `source` is as of `rivid export`, `snapshot` the unit of the delays of `pypsa` [s]. RividError where the
+    source lacks what the format needs, or a file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     return FORMATS[form](source, out, snapshot)

@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,13 +37,13 @@ class Reach:
 
     def config(self) -> "Config":
         """The validated configuration; ConfigError or NoDataError, in one line, where there is none."""
-        from rivid.config import Config, parse
+        from rivid.config import Config, merged, parse
 
         if self.fault:
             raise self.fault
-        raw = deepcopy(self.raw)
-        reach = raw.setdefault("reach", {})
-        if isinstance(reach, dict) and reach.setdefault("name", self.name) != self.name:
+        raw = merged({"reach": {"name": self.name}}, self.raw)
+        reach = raw["reach"]
+        if isinstance(reach, dict) and reach["name"] != self.name:
             raise ConfigError(
                 f"{self.source}: reach.name = {reach['name']!r}: in a fleet the directory names the reach: "
                 f"leave it out, or write {self.name!r}"
