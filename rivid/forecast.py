@@ -144,10 +144,9 @@ def read_logs(
     midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
     output = found[spec.output]
     output[back + 1 :] = np.nan
-    outflow = found.get("u_Qo", np.zeros(len(grid)))
     made = Series(
         (grid - grid[0]) / MICRO + (begin - midnight).total_seconds(), begin.date(), found["u_Qi"],
-        outflow if model.kind == "pool" else np.zeros(len(grid)), output, back, begin,
+        found.get("u_Qo", np.zeros(len(grid))), output, back, begin,
     )  # fmt: skip
     return made, tuple(refused)
 

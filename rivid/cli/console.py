@@ -34,20 +34,17 @@ def print_error(text: str) -> None:
     click.echo(f"{click.style('rivid:', fg='red')} {line}", err=True, color=colour_wanted())
 
 
-def wrap(text: str, indent: int = 0, hanging: int = 2, width: int = WIDTH) -> str:
-    """Break text into lines of at most `width` columns; paths and long words are not split."""
+def wrap(text: str, indent: int = 0, hanging: int = 2) -> str:
+    """Break text into lines of at most :data:`WIDTH` columns; paths and long words are not split."""
     return textwrap.fill(
-        text, width, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
+        text, WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
         break_on_hyphens=False, break_long_words=False,
     )  # fmt: skip
 
 
-def abbreviate(name: str, most: int = 40) -> str:
-    """Shorten a name to `most` characters by leaving out its middle."""
-    if len(name) <= most:
-        return name
-    end = (most - 3) // 2
-    return f"{name[: most - 3 - end]}...{name[len(name) - end :]}"
+def abbreviate(name: str) -> str:
+    """Shorten a name to 40 characters by leaving out its middle."""
+    return name if len(name) <= 40 else f"{name[:19]}...{name[-18:]}"
 
 
 class Console:
