@@ -7,9 +7,6 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, wrap
 
-GEOMETRY = ("length", "width", "depth", "discharge_range", "sample_time")
-"""Keys of [reach] that the bounds depend on."""
-
 
 @click.command("bounds")
 @click.argument("data_dir", type=shared.PATH, default=".")
@@ -49,7 +46,8 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     bounds = reach.bounds(np.linspace(low, high, 8))
     proposal = reach.proposal()
 
-    missing = [key for key in GEOMETRY if key not in reach.model_fields_set]
+    geometry = ("length", "width", "depth", "discharge_range", "sample_time")
+    missing = [key for key in geometry if key not in reach.model_fields_set]
     if missing:
         values = ((key, getattr(reach, key)) for key in missing)
         listed = ", ".join(f"{k} = {list(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in values)

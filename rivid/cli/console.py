@@ -17,8 +17,6 @@ from rivid.text import count
 if TYPE_CHECKING:
     from rivid.run.workers import Progress
 
-SHOWN_AFTER = 10.0
-"""Time after which a step is shown with the time since the first one [s]."""
 WIDTH = 80
 """Columns of all text output."""
 
@@ -96,8 +94,8 @@ class Console:
     def steps(self, name: str) -> Iterator[Callable[[str], None]]:
         """Yield a function to call with the name of each step as it begins; `name` is the first step.
 
-        Later steps are shown with the time since the first one. A terminal shows the current step only; with
-        --verbose, each step is printed with its duration.
+        After ten seconds, steps are shown with the time since the first one. A terminal shows the current
+        step only; with --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose
         current, began = name, time.perf_counter()
@@ -106,7 +104,7 @@ class Console:
             nonlocal current
             past = time.perf_counter() - began
             so_far = f"{past:.0f} s" if past < 120.0 else f"{past / 60.0:.0f} min"
-            end = f", {so_far} so far" if past >= SHOWN_AFTER else ""
+            end = f", {so_far} so far" if past >= 10.0 else ""
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:

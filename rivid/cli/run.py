@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from rivid.run.dask import Dask
     from rivid.run.run import Options, Summary
 
-SCALED = {"order", "d_min", "d_max", "sigma_d"}
-"""Settings that are in samples."""
-
 
 @click.command("run")
 @shared.data_dir
@@ -151,7 +148,8 @@ def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, 
     lacking, papers = assumed(settings), ReachConfig().sample_time
     if path and lacking:
         notes.append(f"[reach] lacks {', '.join(lacking)}: the bounds take those of Table I")
-    if not lacking and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
+    in_samples = settings.jmap.model_fields_set & {"order", "d_min", "d_max", "sigma_d"}
+    if not lacking and settings.reach.sample_time != papers and not in_samples:
         notes.append(
             f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
             "`rivid bounds` proposes those of this reach"

@@ -19,9 +19,6 @@ from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 
-NAME_WIDTH = 14
-"""Most columns of an estimator's name; a longer name indents its own line only."""
-
 
 def print_summary(summary: Summary, config: Config, options: Options, quiet: bool) -> None:
     """Print the counts and main numbers of each estimator, and the failed days; with `quiet` only these."""
@@ -40,7 +37,8 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
         )
         click.echo(click.style(wrap(f"{abbreviate(config.reach.name)}: {text}"), bold=True))
         results = brief_results(summary.rows, config)
-        width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
+        # a name of more than 14 letters indents its own line only
+        width = min(max((len(name) for name in summary.counts), default=0), 14)
         for e in results.estimators:
             counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
             click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))

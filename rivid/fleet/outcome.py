@@ -28,9 +28,6 @@ WORST_FIRST = (1, 2, 11, 10, 3, 0)
 """Exit codes, the worst first: failure, wrong configuration, held by another run, no data, days
 failed in this run, all well."""
 
-MOST_FAILURES = 5
-"""Most failed days of the last week that are listed for a reach."""
-
 
 def band(days: Ints, values: Floats) -> dict[str, Any] | None:
     """Return the band of the year before the last week, and where the week lies.
@@ -83,7 +80,8 @@ class Outcome:
     # median of the last week less that of the weeks before [samples], 0 without a test; or that of the step
     change: float = 0.0
     since: str = ""  # ISO date of a step in the last nine weeks (:func:`rivid.report.summary.stepped`)
-    recent: list[tuple[str, str]] = field(default_factory=list)  # failed days of its last week, and messages
+    # the last five failed days of its last week, and their messages
+    recent: list[tuple[str, str]] = field(default_factory=list)
 
 
 def worst(codes: Iterable[int]) -> int:
@@ -126,7 +124,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         week_median=float(np.median(answers)) if len(answers) else None, band=band(days, values),
         moved=trend["moved"] if trend else None,
         change=found[2] - found[1] if found else change, since=str(found[0]) if found else "",
-        recent=sorted(failed.items())[-MOST_FAILURES:],
+        recent=sorted(failed.items())[-5:],
     )  # fmt: skip
 
 
