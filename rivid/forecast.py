@@ -67,32 +67,16 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A forecast.
+    """A forecast of the output at the H samples after the origin."""
 
-    Attributes
-    ----------
-    series : Series
-        After the origin with the flows that are announced, then held at their last value.
-    quantiles : ndarray, shape (5, H)
-        Of the output at each sample after the origin, at :data:`LEVELS` [m or m3/s].
-    announced : int
-        Samples after the origin with logged flows.
-    learnt : int
-        Earlier forecasts from which the bands are learnt; 0: they are those of the noise model.
-    delay_s : float
-        Time in which half of a small wave arrives at the usual flow [s].
-    notes : tuple of str
-    repeated : ndarray, shape (H,), or None
-        Inflow of the day before where none is announced, from which the quantiles are learnt beside the held
-        one [m3/s]; None where all flows are announced, or nothing is learnt.
-    """
-
-    series: Series
-    quantiles: Floats
-    announced: int
-    learnt: int
-    delay_s: float
+    series: Series  #: after the origin with the flows that are announced, then held at their last value
+    quantiles: Floats  #: of the output, (5, H), at :data:`LEVELS` [m or m3/s]
+    announced: int  #: samples after the origin with logged flows
+    learnt: int  #: earlier forecasts from which the bands are learnt; 0: they are those of the noise model
+    delay_s: float  #: time in which half of a small wave arrives at the usual flow [s]
     notes: tuple[str, ...] = ()
+    #: Inflow of the day before where none is announced, from which the quantiles are learnt beside the held
+    #: one, (H,) [m3/s]; None where all flows are announced, or nothing is learnt.
     repeated: Floats | None = None
 
 
@@ -173,20 +157,9 @@ def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> F
 
 
 def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) -> Forecast:
-    """Forecast the output after `series.now`.
+    """Forecast the output after the origin of a series of :func:`read_logs`; `notes` go into the result.
 
-    Parameters
-    ----------
-    model : ReachModel
-    series : Series
-        Of :func:`read_logs`.
-    notes : sequence of str
-        Passed on to the result.
-
-    Raises
-    ------
-    NoDataError
-        Where the flows or the output before the origin are not known.
+    NoDataError where the flows or the output before the origin are not known.
     """
     now, ahead = series.now, len(series.time) - 1 - series.now
     known = np.isfinite(series.inflow) & np.isfinite(series.outflow)

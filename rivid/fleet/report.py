@@ -49,10 +49,8 @@ left_band | flag | | the delay has moved in the last week, by the test of the re
 def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str | None = None) -> dict[str, Any]:
     """Write the files of the fleet of that name and return the content of fleet.json.
 
-    It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
-    the last week), `unanswered` (no data set of the last week has an answer), `silent`, `changed`. Without a
-    name, the last report keeps its name and, if no reach has changed since, the report that it is compared
-    with. RividError where a file cannot be written.
+    Without a name, the last report keeps its name and, if no reach has changed since, the report that it is
+    compared with. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = read_json(out / "fleet.json")
