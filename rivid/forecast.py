@@ -105,7 +105,7 @@ def read_logs(
         times = series[spec.output][0]
         if at is not None:
             times = times[times <= at.timestamp() * MICRO]
-        if len(times) and zone is not None:
+        if len(times):
             break
     else:
         raise NoDataError(f"{root}: no {spec.output} is logged {f'until {at}' if at else 'at all'}")
@@ -212,12 +212,11 @@ def _half(model: ReachModel, up: Floats) -> int:
 
 def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
     """Earlier origins with flows before and after them, an output at them, and targets before now."""
-    n, now = len(known), series.now
     gaps = np.concatenate([[0], np.cumsum(~known)])
-    at = np.arange(lead, max(now - ahead + 1, lead))
-    at = at[(gaps[np.minimum(at + ahead + 1, n)] == gaps[at - lead]) & np.isfinite(series.output[at])]
+    at = np.arange(lead, series.now - ahead + 1)
+    at = at[(gaps[at + ahead + 1] == gaps[at - lead]) & np.isfinite(series.output[at])]
     targets = np.lib.stride_tricks.sliding_window_view(np.isfinite(series.output), ahead)[at + 1]
-    return np.asarray(at[targets.mean(axis=1) > 0.9] if len(at) else at)
+    return np.asarray(at[targets.mean(axis=1) > 0.9])
 
 
 def run(

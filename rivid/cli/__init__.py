@@ -184,8 +184,8 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        status = cli.main(prog_name="rivid", standalone_mode=False)
-        return status if isinstance(status, int) else 0
+        code: int = cli.main(prog_name="rivid", standalone_mode=False)
+        return code
     except click.UsageError as error:
         message = " ".join(error.format_message().split())
         message += "" if message.endswith((".", "?")) else "."

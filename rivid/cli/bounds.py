@@ -1,5 +1,8 @@
 """``rivid bounds``."""
 
+import json
+import math
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -26,10 +29,6 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
       rivid bounds --config configs/glen_canyon.toml --toml > proposed.toml
       rivid bounds --config configs/glen_canyon.toml --write out/proposed.toml
     """
-    import json
-    import math
-    from dataclasses import asdict
-
     import numpy as np
 
     from rivid.atomic import write_text

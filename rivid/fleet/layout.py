@@ -69,9 +69,9 @@ def find_fleet(
     from rivid.config import Config, merged, parse, read_config
 
     asked = configs is not None and configs.is_dir()
-    if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
-        if asked:
-            raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
+    if asked and not data_dir.is_dir():
+        raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
+    if not asked and holds_logs(data_dir):
         return None
     folders = {
         path: holds_logs(path)
@@ -118,7 +118,7 @@ def find_fleet(
 
 
 def holds_logs(folder: Path) -> bool:
-    """Whether a directory holds a log."""
+    """Whether a directory holds a log, or cannot be read: its run reports why."""
     try:
         with os.scandir(folder) as entries:
             return any(
@@ -126,7 +126,7 @@ def holds_logs(folder: Path) -> bool:
                 for e in entries
             )
     except OSError:
-        return True  # its run reports why it cannot be read
+        return True
 
 
 def _fault(path: Path, data_dir: Path) -> str:
