@@ -88,7 +88,7 @@ def read_logs(
     `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
     last measured output. Later outputs are not used, later flows are announced. NoDataError where no output
     is logged in the :data:`HISTORY` days before the origin; ConfigError where the configuration is of another
-    kind of reach than the model, or the model's sample time is no multiple of its.
+    kind of reach than the model, lacks a pool's outflow, or the model's sample time is no multiple of its.
     """
     reach = config.reach
     many = model.sample_time / reach.sample_time  # a diagnosis joins short samples
@@ -97,6 +97,8 @@ def read_logs(
             f"the model is of a {model.kind} at {model.sample_time:g} s, the configuration of a {reach.kind} "
             f"at {reach.sample_time:g} s: expected the configuration of the diagnosis"
         )
+    if reach.kind == "pool" and not config.input.u_Qo:
+        raise ConfigError('[input] u_Qo = "" marks the outflow as not logged: a forecast of a pool needs it')
     spec, sources = spec_of(config), find_days(root, config).days
     if at is not None:
         sources = [s for s in sources if s.date <= (at + dt.timedelta(hours=hours)).date()]
