@@ -79,7 +79,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     if too_long and (write is not None or as_toml):
         raise ConfigError(too_long)
     if write is not None:
-        write_text(write, updated(write, "jmap", lines))
+        write_text(write, updated(write, lines))
         click.echo(f"written: {write}")
         return 0
     if as_toml:
@@ -94,20 +94,20 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     return 0
 
 
-def updated(path: Path, name: str, lines: str) -> str:
-    """The text of a configuration with these lines in its table `name`; other keys and comments stay."""
+def updated(path: Path, lines: str) -> str:
+    """The text of a configuration with these lines in its table [jmap]; other keys and comments stay."""
     from rivid.config import read_toml
 
     if not path.exists():
         return f"{lines}\n"
-    table, text = read_toml(path).get(name), path.read_text(encoding="utf-8")
+    table, text = read_toml(path).get("jmap"), path.read_text(encoding="utf-8")
     if table is None:
         return f"{text.rstrip()}\n\n{lines}\n".lstrip()
     keys = {line.split(" = ")[0] for line in lines.splitlines() if " = " in line}
     kept, inside = [], False
     for line in text.splitlines():
         if line.strip().startswith("["):
-            inside = line.split("#")[0].strip() == f"[{name}]"
+            inside = line.split("#")[0].strip() == "[jmap]"
             if inside:
                 kept += lines.splitlines()
                 continue

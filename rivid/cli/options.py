@@ -69,7 +69,6 @@ def flag(name: str, text: str, *names: str) -> Decorator:
 
 
 data_dir = click.argument("data_dir", type=PATH)
-"""DATA_DIR, the logs."""
 
 
 def exports(required: bool = True) -> Decorator:
@@ -82,9 +81,11 @@ results = click.argument("out", type=DIRECTORY)
 """OUT, the directory that a run has written."""
 
 
-def config(text: str = f"The reach and its settings (TOML); {SEARCHED}", **more: Any) -> Decorator:
+def config(
+    text: str = f"The reach and its settings (TOML); {SEARCHED}", kind: click.Path = FILE, **more: Any
+) -> Decorator:
     """--config, -c."""
-    return value("--config", more.pop("type", FILE), "FILE", text, "-c", **more)
+    return value("--config", kind, "FILE", text, "-c", **more)
 
 
 out = value(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command("run")
 @shared.data_dir
-@shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
+@shared.config(shared.CONFIG_OF_FLEET, shared.PATH)
 @shared.out
 @shared.value(
     "--estimator", shared.OneOf(ESTIMATORS), "NAME",
