@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import asdict
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, wrap
+from rivid.errors import ConfigError
 
 
 @click.command("bounds")
@@ -35,7 +37,6 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     from rivid.cli.locate import configuration
     from rivid.config import DAY, load_config
     from rivid.core.settings import MAX_ORDER
-    from rivid.errors import ConfigError
     from rivid.report.page import terminal
 
     console = Console()
@@ -103,14 +104,20 @@ def updated(path: Path, lines: str) -> str:
     table, text = read_toml(path).get("jmap"), path.read_text(encoding="utf-8")
     if table is None:
         return f"{text.rstrip()}\n\n{lines}\n".lstrip()
-    keys = {line.split(" = ")[0] for line in lines.splitlines() if " = " in line}
+    new = lines.splitlines()
+    stale = {"M", *map(_without_value, new)}  # M is the order
     kept, inside = [], False
     for line in text.splitlines():
-        if line.strip().startswith("["):
-            inside = line.split("#")[0].strip() == "[jmap]"
-            if inside:
-                kept += lines.splitlines()
-                continue
-        if not (inside and line.split("=")[0].strip() in keys):
+        if line.lstrip().startswith("["):
+            inside = re.fullmatch(r"\s*\[\s*jmap\s*\]\s*(#.*)?", line) is not None
+            kept += new if inside else [line]
+        elif not (inside and _without_value(line) in stale):
             kept.append(line)
+    if new[0] not in kept:
+        raise ConfigError(f"{path}: jmap has no line [jmap]: `rivid bounds --toml` prints what to put there")
     return "\n".join(kept) + "\n"
+
+
+def _without_value(line: str) -> str:
+    """A key without its value, or a comment without its numbers."""
+    return re.sub(r"\s*=.*|[\d.]+", "", line.strip())
