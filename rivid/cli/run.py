@@ -141,7 +141,7 @@ def _dask(engine: str | None, scheduler: str | None, workers: int | None) -> "Da
 
 def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, list[str]]":
     """The configuration, and notes on defaults that another reach may need to change."""
-    from rivid.config import Config, ReachConfig, load_config, parse
+    from rivid.config import Config, ReachConfig, load_config, merged, parse
     from rivid.results.store import assumed
 
     settings, notes = load_config(path), []
@@ -155,9 +155,8 @@ def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, 
             "`rivid bounds` proposes those of this reach"
         )
     if estimators:
-        raw = settings.model_dump(mode="json", exclude_none=True)
-        raw["run"]["estimators"] = list(estimators)
-        settings = parse(raw, Config, "--estimator")
+        raw = settings.model_dump(mode="json", exclude_unset=True)  # what is assumed stays assumed
+        settings = parse(merged(raw, {"run": {"estimators": list(estimators)}}), Config, "--estimator")
     return settings, notes
 
 
