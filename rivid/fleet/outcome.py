@@ -104,7 +104,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
     values = np.full(len(dates), np.nan)
     if recent:
         values = np.where(recent.decided, recent.values if t50 else recent.estimator.delay, np.nan)
-    week = days > (days[-1] if len(days) else 0) - WEEK
+    week = days > days[-1:] - WEEK
     answers = values[week & np.isfinite(values)]
     failed: dict[str, str] = {}
     for one in results.estimators:
