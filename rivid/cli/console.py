@@ -97,7 +97,7 @@ class Console:
         After ten seconds, steps are shown with the time since the first one. A terminal shows the current
         step only; with --verbose, each step is printed with its duration.
         """
-        on_terminal = sys.stderr.isatty() and not self.verbose
+        on_terminal = sys.stderr.isatty() and not self.verbose and not self.quiet
         current, began = name, time.perf_counter()
 
         def step(text: str) -> None:
@@ -107,7 +107,7 @@ class Console:
             end = f", {so_far} so far" if past >= 10.0 else ""
             if self.verbose and text != current:
                 self.phase(current)
-            elif on_terminal and not self.quiet:
+            elif on_terminal:
                 shown = text[: WIDTH - 2 - len(end)] + end
                 click.echo(f"{shown:<{WIDTH - 2}}\r", err=True, nl=False)
             elif text != current and not self.quiet:
@@ -117,7 +117,7 @@ class Console:
         try:
             yield step
         finally:
-            if on_terminal and not self.quiet:
+            if on_terminal:
                 click.echo(" " * (WIDTH - 2) + "\r", err=True, nl=False)
         self.phase(current)
 

@@ -93,7 +93,6 @@ out = value(
     "Directory of the results; default: [run] out of the configuration, else ./out.", "-o",
 )  # fmt: skip
 logs_out = value("--out", NEW_DIRECTORY, "DATA_DIR", "Directory of the daily logs.", "-o", required=True)
-"""--out, -o, of commands that write logs."""
 
 
 def days(verb: str) -> Decorator:
@@ -113,7 +112,6 @@ def as_json(text: str = "One JSON object on stdout.") -> Decorator:
 
 
 quiet = flag("--quiet", "Print only errors and warnings.", "-q")
-"""--quiet, -q."""
 
 
 def talk(command: Any) -> Any:

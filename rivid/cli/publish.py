@@ -26,14 +26,12 @@ def command(out: Path, url: str, table: str, first: dt.date | None, quiet: bool)
       rivid publish out --to sqlite:///delays.db
       rivid publish out --to 'postgresql+psycopg://rivid:$WORD@db/plant'
     """
-    import pandas as pd
-
     from rivid.database import publish
     from rivid.results.read import load_delays
 
     delays = load_delays(out)
     if first:
-        delays = delays[delays["date"] >= pd.Timestamp(first)]
+        delays = delays[delays["date"] >= str(first)]
     rows = publish(delays, url, table)
     if not quiet:
         click.echo(f"{rows:,d} rows written to {table}")
