@@ -36,6 +36,7 @@ def command(
     """
     from rivid.api.inputs import as_scenario
     from rivid.errors import ConfigError
+    from rivid.logs import suffix_of
     from rivid.logs.write import stem_of
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
@@ -60,7 +61,7 @@ def command(
     for season, (logs, _) in zip(seasons, places, strict=True):
         made = season.scenario.output
         mine = {f"{stem_of(date, made.layout)}.{made.format}" for date in season.dates}
-        there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
+        there = {path.name for path in logs.glob("*") if suffix_of(path.name)}
         if others := sorted(there - mine):
             raise ConfigError(
                 f"{logs} holds other logs, such as {others[0]}, which would mix with these: "
