@@ -237,15 +237,14 @@ def run(
     T, until = model.sample_time, lead + announced
     inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
     output[:, lead + 1 :] = np.nan
-    if until < lead + ahead:
-        outflow[:, until + 1 :] = outflow[:, until : until + 1]
-        if repeat:
-            day = round(DAY / T)
-            back = day * -(np.minimum(announced - steps, 0) // day)  # whole days, to what is known
-            inflow = series.inflow[np.maximum(origins[:, None] + steps - back, 0)]
-            inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
-        else:
-            inflow[:, until + 1 :] = inflow[:, until : until + 1]
+    outflow[:, until + 1 :] = outflow[:, until : until + 1]
+    if repeat:
+        day = round(DAY / T)
+        back = day * -(np.minimum(announced - steps, 0) // day)  # whole days, to what is known
+        inflow = series.inflow[np.maximum(origins[:, None] + steps - back, 0)]
+        inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
+    else:
+        inflow[:, until + 1 :] = inflow[:, until : until + 1]
     time = series.time[0] + (origins[:, None] + steps) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
