@@ -3,6 +3,7 @@
 The public names are loaded when they are first used: ``import rivid`` itself loads nothing heavy.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
     for module, names in _MODULES.items():
         if name in names.split():
             value = getattr(import_module(f"rivid.{module}"), name)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rivid.errors import ConfigError, DataError, RividError
+from rivid.types import ONE_DAY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,20 +62,16 @@ def queried(url: str, query: str, first: dt.date | None, last: dt.date | None) -
     ``:first`` and ``:last`` in it stand for the day before `first` and the second day after `last`, at
     midnight: the rows of these local days, by default all, lie between them in any zone.
     """
-    day = dt.timedelta(days=1)
     limits = {
-        "first": first - day if first else dt.date(1900, 1, 1),
-        "last": last + 2 * day if last else dt.date(2200, 1, 1),
+        "first": first - ONE_DAY if first else dt.date(1900, 1, 1),
+        "last": last + 2 * ONE_DAY if last else dt.date(2200, 1, 1),
     }
     with connected(url) as connection:
         import sqlalchemy as sa
 
         statement = sa.text(query)
-        wanted = {
-            name: dt.datetime.combine(limits[name], dt.time())
-            for name in limits
-            if name in statement.compile().params
-        }
+        named = statement.compile().params
+        wanted = {name: dt.datetime.combine(day, dt.time()) for name, day in limits.items() if name in named}
         result = connection.execute(statement, wanted)
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")

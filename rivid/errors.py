@@ -5,22 +5,8 @@ command line returns for it.
 """
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import ClassVar
-
-EXIT_CODES: dict[int, tuple[str, str]] = {
-    0: ("all well", ""),
-    1: ("failure: the disk is full, a file cannot be written", "read the one line on stderr"),
-    2: ("usage or configuration", "the line names the option or the key"),
-    3: (
-        "days failed that had not failed before, or every day failed; all else is written (`--strict`: any)",
-        "read `message` of these days; where others are well, tomorrow it is 0 again",
-    ),
-    10: ("no data", "is DATA_DIR right?"),
-    11: ("another run holds OUT", "wait"),
-    130: ("interrupted (SIGINT)", "start it again: what is done stays done"),
-    143: ("ended (SIGTERM)", "start it again: what is done stays done"),
-}
-"""What the command line returns: the meaning, and what to do; in Markdown."""
 
 
 def printable(text: str) -> str:
@@ -29,15 +15,7 @@ def printable(text: str) -> str:
 
 
 def nearest(came: object, names: Iterable[str]) -> str:
-    """Return a hint at the nearest of the names, as the end of a message; "" where none is near.
-
-    >>> nearest("rnu", ["run", "check"])
-    '; did you mean run?'
-    >>> nearest("xyz", ["run", "check"])
-    ''
-    """
-    from difflib import get_close_matches
-
+    """A hint at the nearest of the names, as the end of a message; "" where none is near."""
     close = get_close_matches(str(came), list(names), 1)
     return f"; did you mean {close[0]}?" if close else ""
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 class Days:
     """Data sets of one length, as deviations from their first samples."""
 
-    u: Floats  # inflow [m3/s], (days, N)
-    y: Floats  # output [m for a level, m3/s for a discharge], (days, N)
-    o: Floats | None = None  # outflow [m3/s], (days, N); None where it is not logged
-    base: Floats | None = None  # inflow at the first sample [m3/s], (days,): celerity depends on it
+    u: Floats  #: inflow [m3/s], (days, N)
+    y: Floats  #: output [m for a level, m3/s for a discharge], (days, N)
+    o: Floats | None = None  #: outflow [m3/s], (days, N); None where it is not logged
+    base: Floats | None = None  #: inflow at the first sample [m3/s], (days,): celerity depends on it
 
     @classmethod
     def of(cls, inflow: Floats, output: Floats, outflow: Floats | None, min_motion: float) -> Days:
@@ -55,26 +55,26 @@ class Answer:
     are those of :class:`rivid.core.fir.JmapResult`.
     """
 
-    status: Strings  # "ok", "degenerate" or "unidentifiable"
-    delay: Floats | None = None  # d [samples]; NaN on a day without one
-    candidates: NDArray[np.intp] | None = None  # the delays tried [samples], (K,)
-    criterion: Floats | None = None  # minimised over the delay, (days, K)
-    curve: Floats | None = None  # stored: criterion, CUSUM's g at lag d + 1, or probability; (days, K)
-    fir: Floats | None = None  # h [output unit per m3/s], (days, M)
+    status: Strings  #: "ok", "degenerate" or "unidentifiable"
+    delay: Floats | None = None  #: d [samples]; NaN on a day without one
+    candidates: NDArray[np.intp] | None = None  #: the delays tried [samples], (K,)
+    criterion: Floats | None = None  #: minimised over the delay, (days, K)
+    curve: Floats | None = None  #: stored: criterion, CUSUM's g at lag d + 1, or probability; (days, K)
+    fir: Floats | None = None  #: h [output unit per m3/s], (days, M)
     alpha: Floats | None = None
     noise_variance: Floats | None = None
     roughness_variance: Floats | None = None
     condition: Floats | None = None
     iterations: NDArray[np.intp] | None = None
     prior_only: Bools | None = None
-    reason: Strings | None = None  # why a day has no estimate; empty where u and y show it (constant)
-    fir_sd: Floats | None = None  # standard deviation of h, (days, M)
-    travel: Floats | None = None  # travel time with its fraction [samples], about d to d + 1
-    half: Floats | None = None  # the same with the half time of the gauge's lag [samples]
-    probability: Floats | None = None  # that the likeliest delay is right; NaN without probabilities
-    delay_low: Floats | None = None  # ends of the smallest set of delays with a probability of 90 %
+    reason: Strings | None = None  #: why a day has no estimate; empty where u and y show it (constant)
+    fir_sd: Floats | None = None  #: standard deviation of h, (days, M)
+    travel: Floats | None = None  #: travel time with its fraction [samples], about d to d + 1
+    half: Floats | None = None  #: the same with the half time of the gauge's lag [samples]
+    probability: Floats | None = None  #: that the likeliest delay is right; NaN without probabilities
+    delay_low: Floats | None = None  #: ends of the smallest set of delays with a probability of 90 %
     delay_high: Floats | None = None
-    outside: Bools | None = None  # the delay lies beyond the candidates
+    outside: Bools | None = None  #: the delay lies beyond the candidates
 
 
 @dataclass(frozen=True)
@@ -90,58 +90,27 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Estimator:
-    """The properties of an estimator, independent of a configuration.
+    """The properties of an estimator, independent of a configuration."""
 
-    Attributes
-    ----------
-    name : str
-        As in the configuration and the tables.
-    words : str
-        What it is, for titles and the report.
-    prepare : callable
-        ``prepare(config)`` returns a :class:`Prepared`; raises ConfigError for settings that contradict
-        each other.
-    table : str
-        Table of the configuration with its settings; a change of an unused table leaves results valid.
-    reaches : tuple of str
-        Kinds of reach that it has equations for.
-    needs_outflow : bool
-        The outflow must be logged.
-    has_delay, has_fir, has_probability : bool
-        It estimates a delay, an impulse response, the probability of every delay.
-    checks_data : bool
-        It reports whether the data alone select the delay (`prior_only`).
-    rayleigh : bool
-        It weighs the delay with the Rayleigh prior (26).
-    degenerates : bool
-        Its estimate degenerates by construction (section V); such days need no warning.
-    notes_bound : bool
-        A delay at the first or last candidate is noted in the message of the row. For other estimators such
-        days are rare, and the column `at_bound` marks them.
-    method : str
-        Name of the method in captions that describe how it finds a jump of the response.
-    uniform : bool
-        As the estimators with `rayleigh`, with a uniform prior: the report compares their delays.
-    delay_rank, t50_rank : int
-        The highest rank represents a record where several estimators have a delay, or a river's t50;
-        of equal ranks of delays, one with a measure of its reliability.
-    """
-
-    name: str
-    words: str
-    prepare: Callable[[Config], Prepared]
-    table: str = "jmap"
-    reaches: tuple[str, ...] = ("pool", "river")
-    needs_outflow: bool = False
+    name: str  #: as in the configuration and the tables
+    words: str  #: what it is, for titles and the report
+    prepare: Callable[[Config], Prepared]  #: raises ConfigError for settings that contradict each other
+    table: str = "jmap"  #: table of its settings; a change of an unused table leaves results valid
+    reaches: tuple[str, ...] = ("pool", "river")  #: kinds of reach that it has equations for
+    needs_outflow: bool = False  #: the outflow must be logged
     has_delay: bool = True
-    has_fir: bool = True
-    has_probability: bool = False
-    checks_data: bool = False
-    rayleigh: bool = False
-    degenerates: bool = False
+    has_fir: bool = True  #: it estimates an impulse response
+    has_probability: bool = False  #: it estimates the probability of every delay
+    checks_data: bool = False  #: it reports whether the data alone select the delay (`prior_only`)
+    rayleigh: bool = False  #: it weighs the delay with the Rayleigh prior (26)
+    degenerates: bool = False  #: by construction (section V); such days need no warning
+    #: The message of a row notes a delay at the first or last candidate. Of other estimators such days are
+    #: rare, and the column `at_bound` marks them.
     notes_bound: bool = False
-    method: str = "JMAP"
-    uniform: bool = False
+    method: str = "JMAP"  #: name in captions that describe how it finds a jump of the response
+    uniform: bool = False  #: as those with `rayleigh`, with a uniform prior: the report compares their delays
+    #: The highest rank represents a record where several estimators have a delay, or a river's t50; of equal
+    #: ranks of delays, one with a measure of its reliability.
     delay_rank: int = 0
     t50_rank: int = 0
 
@@ -327,11 +296,9 @@ def _of_posterior(
             f", or check length, width and depth in [reach]: by these a wave takes {waves[1] / 60:.3g} min "
             "or less"
         )
-    least = getattr(s, "answer_above", None)  # a river's t50 needs a narrow band instead
-    unsure = found.message
-    if least is not None:
-        reason = f"the likeliest delay is right with a probability below {least:g} ([posterior] answer_above)"
-        unsure = np.full(len(outside), reason)
+    unsure: Strings | str = found.message
+    if (least := getattr(s, "answer_above", None)) is not None:  # a river's t50 needs a narrow band instead
+        unsure = f"the likeliest delay is right with a probability below {least:g} ([posterior] answer_above)"
     return Answer(
         status=np.where(ok, "ok", "unidentifiable"),
         delay=found.delay,

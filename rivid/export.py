@@ -42,41 +42,22 @@ class StateSpace:
 
     ``x[k+1] = A x[k] + B u[k] + G e[k]``, ``y[k] = C x[k] + D u[k] + v[k]``; u and y are deviations from
     `operating`.
-
-    Attributes
-    ----------
-    A, B, C, D : ndarray, shapes (n, n), (n, p), (1, n), (1, p)
-        Inputs u_Qi and, of a pool, u_Qo [m3/s]; output h_L [m] or Q_L [m3/s].
-    G : ndarray, shape (n, q)
-        How the process noise enters.
-    Q, R : ndarray, shapes (q, q), (1, 1)
-        Covariances of e and v, by sample.
-    sample_time : float
-        T_s [s].
-    inputs, outputs, states : tuple of str
-        Names; states `u_Qi[k-3]` are dead time.
-    delays : tuple of int
-        Dead time of each input [samples].
-    operating : dict of str to float
-        Usual level [m] or discharge, and flow [m3/s].
-    origin : dict
-        Where the model comes from.
     """
 
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    G: Floats
-    Q: Floats
-    R: Floats
-    sample_time: float
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...]
-    delays: tuple[int, ...]
-    operating: dict[str, float]
-    origin: dict[str, Any]
+    A: Floats  #: (n, n)
+    B: Floats  #: (n, p): inputs u_Qi and, of a pool, u_Qo [m3/s]
+    C: Floats  #: (1, n): output h_L [m] or Q_L [m3/s]
+    D: Floats  #: (1, p)
+    G: Floats  #: (n, q): how the process noise enters
+    Q: Floats  #: (q, q): covariance of e, by sample
+    R: Floats  #: (1, 1): covariance of v, by sample
+    sample_time: float  #: T_s [s]
+    inputs: tuple[str, ...]  #: names
+    outputs: tuple[str, ...]  #: names
+    states: tuple[str, ...]  #: names; states `u_Qi[k-3]` are dead time
+    delays: tuple[int, ...]  #: dead time of each input [samples]
+    operating: dict[str, float]  #: usual level [m] or discharge, and flow [m3/s]
+    origin: dict[str, Any]  #: where the model comes from
 
     @property
     def units(self) -> dict[str, str]:
@@ -90,13 +71,7 @@ class StateSpace:
         return Made(self.A, self.B, self.C, self.D, dt=self.sample_time)
 
     def to_control(self) -> "control.StateSpace":
-        """As :class:`control.StateSpace` of python-control, without the noise.
-
-        Raises
-        ------
-        ConfigError
-            Where python-control is not installed.
-        """
+        """As :class:`control.StateSpace` of python-control, if that is installed, without the noise."""
         try:
             import control
         except ImportError:
@@ -117,19 +92,11 @@ class StateSpace:
 
 
 def state_space(model: ReachModel) -> StateSpace:
-    """Realise a calibrated reach about its usual flow.
+    """Realise a calibrated reach about its usual flow, as a :class:`StateSpace`.
 
     The response to each flow is its dead time, a chain of states, and then the balanced realisation of its
     impulse response (Ho and Kalman 1966; Kung 1978). A pool's level keeps what has flowed in: its response
     ends in an integrator of its own.
-
-    Parameters
-    ----------
-    model : ReachModel
-
-    Returns
-    -------
-    StateSpace
     """
     T, pool = model.sample_time, model.kind == "pool"
     steps = model.kernels(round(LONGEST / T) + 1)
@@ -323,10 +290,8 @@ FORMATS: dict[str, Callable[[Path, Path, float], list[Path]]] = {
 def export(source: Path, out: Path, form: str, snapshot: float = HOUR) -> list[Path]:
     """Write a model or a law in a format of :data:`FORMATS` into `out`, which is created; return the files.
 
-    `source` is, for `state-space` and `rtc-tools`, the model.toml of `rivid diagnose` or its directory; for
-    `pypsa` and `csv`, the directory of a run that `rivid season` has joined. `snapshot` is the unit of the
-    delays of `pypsa` [s]. RividError where it lacks what
-    the format needs, or a file cannot be written.
+    `source` is as of `rivid export`, `snapshot` the unit of the delays of `pypsa` [s]. RividError where the
+    source lacks what the format needs, or a file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     return FORMATS[form](source, out, snapshot)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri
 
 from rivid.config import Config
 from rivid.diagnosis.calibrated import ReachModel
@@ -48,20 +49,15 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,).
+    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,)."""
 
-    `time` is in seconds since the local midnight of `first`. `inflow` and `outflow` are flows [m3/s], NaN
-    where they are not known, the outflow of a river zero; `output` is NaN where it is missing. `now` is the
-    index of the origin of the forecast, `begin` the time of the first sample, with the zone of the log.
-    """
-
-    time: Floats
+    time: Floats  # since the local midnight of `first` [s]
     first: dt.date
-    inflow: Floats
-    outflow: Floats
-    output: Floats
-    now: int
-    begin: dt.datetime
+    inflow: Floats  # [m3/s], NaN where it is not known
+    outflow: Floats  # the same; of a river zero
+    output: Floats  # [m or m3/s], NaN where it is missing
+    now: int  # index of the origin of the forecast
+    begin: dt.datetime  # time of the first sample, in the zone of the log
 
     def moment(self, index: int) -> dt.datetime:
         """Local time of a sample."""
@@ -71,32 +67,16 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A forecast.
+    """A forecast of the output at the H samples after the origin."""
 
-    Attributes
-    ----------
-    series : Series
-        After the origin with the flows that are announced, then held at their last value.
-    quantiles : ndarray, shape (5, H)
-        Of the output at each sample after the origin, at :data:`LEVELS` [m or m3/s].
-    announced : int
-        Samples after the origin with logged flows.
-    learnt : int
-        Earlier forecasts from which the bands are learnt; 0: they are those of the noise model.
-    delay_s : float
-        Time in which half of a small wave arrives at the usual flow [s].
-    notes : tuple of str
-    repeated : ndarray, shape (H,), or None
-        Inflow of the day before where none is announced, from which the quantiles are learnt beside the held
-        one [m3/s]; None where all flows are announced, or nothing is learnt.
-    """
-
-    series: Series
-    quantiles: Floats
-    announced: int
-    learnt: int
-    delay_s: float
+    series: Series  #: after the origin with the flows that are announced, then held at their last value
+    quantiles: Floats  #: of the output, (5, H), at :data:`LEVELS` [m or m3/s]
+    announced: int  #: samples after the origin with logged flows
+    learnt: int  #: earlier forecasts from which the bands are learnt; 0: they are those of the noise model
+    delay_s: float  #: time in which half of a small wave arrives at the usual flow [s]
     notes: tuple[str, ...] = ()
+    #: Inflow of the day before where none is announced, from which the quantiles are learnt beside the held
+    #: one, (H,) [m3/s]; None where all flows are announced, or nothing is learnt.
     repeated: Floats | None = None
 
 
@@ -108,7 +88,7 @@ def read_logs(
     `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
     last measured output. Later outputs are not used, later flows are announced. NoDataError where no output
     is logged in the :data:`HISTORY` days before the origin; ConfigError where the configuration is of another
-    kind of reach than the model, or the model's sample time is no multiple of its.
+    kind of reach than the model, lacks a pool's outflow, or the model's sample time is no multiple of its.
     """
     reach = config.reach
     many = model.sample_time / reach.sample_time  # a diagnosis joins short samples
@@ -117,23 +97,22 @@ def read_logs(
             f"the model is of a {model.kind} at {model.sample_time:g} s, the configuration of a {reach.kind} "
             f"at {reach.sample_time:g} s: expected the configuration of the diagnosis"
         )
+    if reach.kind == "pool" and not config.input.u_Qo:
+        raise ConfigError('[input] u_Qo = "" marks the outflow as not logged: a forecast of a pool needs it')
     spec, sources = spec_of(config), find_days(root, config).days
     if at is not None:
         sources = [s for s in sources if s.date <= (at + dt.timedelta(hours=hours)).date()]
-    last = len(sources)
-    while last:  # the last day with an output; later ones may announce flows
-        series, zone, refused = read_series(root, sources[last - 1 : last], config)
+    for last in reversed(sources):  # the last day with an output; later ones may announce flows
+        series, zone, _ = read_series(root, [last], config)
         times = series[spec.output][0]
         if at is not None:
             times = times[times <= at.timestamp() * MICRO]
-        if len(times) and zone is not None:
+        if len(times):
             break
-        last -= 1
     else:
         raise NoDataError(f"{root}: no {spec.output} is logged {f'until {at}' if at else 'at all'}")
-    oldest = sources[last - 1].date - dt.timedelta(days=HISTORY)
-    kept = [s for s in sources if s.date >= oldest]
-    series, _, refused = read_series(root, kept, config)
+    oldest = last.date - dt.timedelta(days=HISTORY)
+    series, _, refused = read_series(root, [s for s in sources if s.date >= oldest], config)
     origin = int(times[-1]) if at is None else round(at.timestamp() * MICRO)
     step = round(model.sample_time * MICRO)
     start = min(int(column[0][0]) for column in series.values() if len(column[0]))
@@ -151,10 +130,9 @@ def read_logs(
     midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
     output = found[spec.output]
     output[back + 1 :] = np.nan
-    outflow = found.get("u_Qo", np.zeros(len(grid)))
     made = Series(
         (grid - grid[0]) / MICRO + (begin - midnight).total_seconds(), begin.date(), found["u_Qi"],
-        outflow if model.kind == "pool" else np.zeros(len(grid)), output, back, begin,
+        found.get("u_Qo", np.zeros(len(grid))), output, back, begin,
     )  # fmt: skip
     return made, tuple(refused)
 
@@ -181,20 +159,9 @@ def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> F
 
 
 def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) -> Forecast:
-    """Forecast the output after `series.now`.
+    """Forecast the output after the origin of a series of :func:`read_logs`; `notes` go into the result.
 
-    Parameters
-    ----------
-    model : ReachModel
-    series : Series
-        Of :func:`read_logs`.
-    notes : sequence of str
-        Passed on to the result.
-
-    Raises
-    ------
-    NoDataError
-        Where the flows or the output before the origin are not known.
+    NoDataError where the flows or the output before the origin are not known.
     """
     now, ahead = series.now, len(series.time) - 1 - series.now
     known = np.isfinite(series.inflow) & np.isfinite(series.outflow)
@@ -211,25 +178,22 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
     y0 = _hold(series.output)[origins]
-    if len(past) >= FEWEST:
+    learns = len(past) >= FEWEST
+    if learns:
         target = series.output[past[:, None] + steps] - y0[:-1, None]
         quantiles = learnt_quantiles(X[:-1], target, sd[:-1], X[-1:], sd[-1:])[:, 0]
     else:
-        from scipy.special import ndtri
-
         quantiles = simulated[-1] + ndtri(np.array(LEVELS))[:, None] * sd[-1]
-        more = (
-            f"{len(past)} earlier forecasts: expected {FEWEST} or more to learn from; the bands are the noise"
-        )
-        notes = (*notes, f"{more} model's, which holds flows to be known")
+        more = f"{len(past)} earlier forecasts: expected {FEWEST} or more to learn from; the bands are"
+        notes = (*notes, f"{more} the noise model's, which holds flows to be known")
     later = slice(now + 1, None)
     inflow, outflow = series.inflow.copy(), series.outflow.copy()
     inflow[later], outflow[later] = flows[0][-1], flows[1][-1]
     up = model.kernels(lead + 1)["up"]
     return Forecast(
         replace(series, inflow=inflow, outflow=outflow), y0[-1] + quantiles, announced,
-        len(past) if len(past) >= FEWEST else 0, _half(model, up) * model.sample_time, tuple(notes),
-        flows[2][-1] if announced < ahead and len(past) >= FEWEST else None,
+        len(past) if learns else 0, _half(model, up) * model.sample_time, tuple(notes),
+        flows[2][-1] if announced < ahead and learns else None,
     )  # fmt: skip
 
 
@@ -250,45 +214,37 @@ def _half(model: ReachModel, up: Floats) -> int:
 
 def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
     """Earlier origins with flows before and after them, an output at them, and targets before now."""
-    n, now = len(known), series.now
     gaps = np.concatenate([[0], np.cumsum(~known)])
-    at = np.arange(lead, max(now - ahead + 1, lead))
-    at = at[(gaps[np.minimum(at + ahead + 1, n)] == gaps[at - lead]) & np.isfinite(series.output[at])]
+    at = np.arange(lead, series.now - ahead + 1)
+    at = at[(gaps[at + ahead + 1] == gaps[at - lead]) & np.isfinite(series.output[at])]
     targets = np.lib.stride_tricks.sliding_window_view(np.isfinite(series.output), ahead)[at + 1]
-    return np.asarray(at[targets.mean(axis=1) > 0.9] if len(at) else at)
+    return np.asarray(at[targets.mean(axis=1) > 0.9])
 
 
 def run(
-    model: ReachModel,
-    series: Series,
-    origins: Ints,
-    lead: int,
-    ahead: int,
-    announced: int,
-    repeat: bool = False,
+    model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int, repeat: bool
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
-    """Simulated change of the output after each origin, by the logs until there and the announced flows.
+    """Simulated change of the output after each origin (m,), by the logs until there and the announced flows.
 
-    `origins` are of shape (m,). The simulation begins `lead` samples before each and ends `ahead` samples
-    after it, the flows of the first `announced` of which are known. The inflow that is not announced is that
-    of the day before with `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less
-    the last measured one and its standard deviation by the noise [m or m3/s]; the expected residual after the
-    origin, (m,) [m or m3/s]; and the inflow and outflow that were assumed, (m, ahead) [m3/s].
+    The simulation begins `lead` samples before each origin and ends `ahead` samples after it, the flows of
+    the first `announced` of which are known. The inflow that is not announced is that of the day before with
+    `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less the last measured one
+    and its standard deviation by the noise [m or m3/s]; the expected residual after the origin, (m,); and the
+    inflow and outflow that were assumed, (m, ahead) [m3/s].
     """
     steps = np.arange(-lead, ahead + 1)
     at = np.maximum(origins[:, None] + steps, 0)
     T, until = model.sample_time, lead + announced
     inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
     output[:, lead + 1 :] = np.nan
-    if until < lead + ahead:
-        outflow[:, until + 1 :] = outflow[:, until : until + 1]
-        if repeat:
-            day = round(DAY / T)
-            back = day * -(np.minimum(announced - steps, 0) // day)  # whole days, to what is known
-            inflow = series.inflow[np.maximum(origins[:, None] + steps - back, 0)]
-            inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
-        else:
-            inflow[:, until + 1 :] = inflow[:, until : until + 1]
+    outflow[:, until + 1 :] = outflow[:, until : until + 1]
+    if repeat:
+        day = round(DAY / T)
+        back = day * -(np.minimum(announced - steps, 0) // day)  # whole days, to what is known
+        inflow = series.inflow[np.maximum(origins[:, None] + steps - back, 0)]
+        inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
+    else:
+        inflow[:, until + 1 :] = inflow[:, until : until + 1]
     time = series.time[0] + (origins[:, None] + steps) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
@@ -321,15 +277,15 @@ def simulations(
     change, that with the inflow of the day before, the distance to the mean, the change of the day before,
     the residual, and 1.
     """
-    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced)
+    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, repeat=False)
     repeated, before = np.zeros_like(simulated), flows[0]
     if announced < ahead:
         repeated, _, _, (before, _) = run(model, series, origins, lead, ahead, announced, repeat=True)
-    day = round(DAY / model.sample_time)
+    day, steps = round(DAY / model.sample_time), np.arange(1, ahead + 1)
     held = _hold(series.output)
     y0 = held[origins]
     mean = float(np.nanmean(series.output[: series.now + 1]))
-    ago = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
+    ago = origins[:, None] + steps - day * -(-steps // day)  # whole days before, to what is measured
     ended = np.take(held, np.maximum(ago, 0))
     change = np.where((ago >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)

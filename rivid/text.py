@@ -7,8 +7,6 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 
-SECONDS_BELOW = 20
-"""Durations below [s] are given in seconds."""
 HOURS_FROM = 7200
 """Durations from here on [s] are given in hours."""
 
@@ -17,42 +15,26 @@ NO_ANSWER = ("failed", "unidentifiable", "pending")
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:
-    """A counted noun.
-
-    >>> count(1, "day"), count(1332, "day")
-    ('1 day', '1,332 days')
-    """
+    """A counted noun, such as "1 day" or "1,332 days"."""
     return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
 
 
 def shown_in(unit: str, river: bool = False) -> tuple[float, str]:
-    """Factor and unit of a size on pages: those of a level are in mm, as its errors are.
-
-    >>> shown_in("m/day"), shown_in("m or m3/s"), shown_in("m or m3/s", river=True)
-    ((1000.0, 'mm/day'), (1000.0, 'mm'), (1.0, 'm3/s'))
-    """
+    """Factor and unit of a size on pages: those of a level are in mm, as its errors are."""
     if unit == "m or m3/s":
         unit = "m3/s" if river else "m"
     return (1000.0, f"m{unit}") if unit in ("m", "m/day") else (1.0, unit)
 
 
 def listed(parts: Sequence[str], last: str = "and") -> str:
-    """Join words as a sentence does.
-
-    >>> listed(["a", "b", "c"]), listed(["6", "7"], "or")
-    ('a, b and c', '6 or 7')
-    """
+    """Words joined as in a sentence, such as "a, b and c"."""
     if len(parts) < 2:
         return "".join(parts)
     return f"{', '.join(parts[:-1])} {last} {parts[-1]}"
 
 
 def number(value: float) -> str:
-    """A number without needless decimals: up to one above 1, two digits below.
-
-    >>> number(6.0), number(13.3), number(0.0222)
-    ('6', '13.3', '0.022')
-    """
+    """A number without needless decimals: up to one above 1, two digits below."""
     if not math.isfinite(value):
         return "-"
     if value != 0 and abs(value) < 1:
@@ -66,11 +48,8 @@ def time_unit(longest: float) -> tuple[str, int]:
 
 
 def _spelt(seconds: Sequence[float]) -> tuple[list[str], str]:
-    """Durations [s] without their unit, and the unit.
-
-    Hours where all are two hours or longer, seconds where all are brief, else minutes.
-    """
-    if max(seconds) < SECONDS_BELOW:
+    """Durations [s] in one unit, and the unit: hours where all are long, seconds where all are brief."""
+    if max(seconds) < 20:
         return [f"{s:.3g}" for s in seconds], "s"
     unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
     values = [s / size for s in seconds]  # no decimal from 100 on
@@ -78,59 +57,35 @@ def _spelt(seconds: Sequence[float]) -> tuple[list[str], str]:
 
 
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
-    """Durations [s] in seconds, minutes or hours, joined by `joint`.
-
-    >>> duration([798, 931]), duration([3714, 21900]), duration([23400]), duration([0.7, 1.5])
-    ('13.3 to 15.5 min', '61.9 to 365 min', '6.5 h', '0.7 to 1.5 s')
-    """
+    """Durations [s] in seconds, minutes or hours, such as "13.3 to 15.5 min"."""
     texts, unit = _spelt(seconds)
     return f"{listed(list(dict.fromkeys(texts)), joint)} {unit}"
 
 
 def samples(values: Sequence[float]) -> str:
-    """Delays in samples.
-
-    >>> samples([6, 7]), samples([1])
-    ('6 or 7 samples', '1 sample')
-    """
+    """Delays in samples, such as "6 or 7 samples"."""
     return f"{listed([number(v) for v in values], 'or')} {'sample' if list(values) == [1] else 'samples'}"
 
 
 def delays(values: Sequence[float], sample_time: float) -> str:
-    """Lags (delays or t50), alternatives with the lowest first, in samples and in minutes or hours.
-
-    >>> delays([6, 7], 133), delays([1], 133), delays([6, 9], 133)
-    ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 19.9 min)')
-    """
+    """Lags (delays or t50), the lowest first, such as "6 or 7 samples (13.3 to 15.5 min)"."""
     together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
     span = duration([v * sample_time for v in values], "to" if together else "or")
     return f"{samples(values)} ({span})"
 
 
 def minutes_first(value: float, sample_time: float) -> str:
-    """A t50 in minutes or hours, then in samples.
-
-    >>> minutes_first(7, 133), minutes_first(14.17, 900), minutes_first(1, 60)
-    ('15.5 min (7 samples)', '3.5 h (14.2 samples)', '1.0 min (1 sample)')
-    """
+    """A t50, such as "15.5 min (7 samples)"."""
     return f"{duration([value * sample_time])} ({samples([round(value, 1)])})"
 
 
 def probability(p: float) -> str:
-    """A probability with two digits; one that is nearly sure is not rounded to 1, nor a small one to 0.
-
-    >>> probability(0.8765), probability(0.999), probability(0.002)
-    ('0.88', 'above 0.99', 'below 0.01')
-    """
+    """A probability with two digits; one that is nearly sure is not rounded to 1, nor a small one to 0."""
     return "above 0.99" if p > 0.99 else "below 0.01" if p < 0.01 else f"{p:.2f}"
 
 
 def share(part: int, whole: int) -> str:
-    """A share in per cent that is 0 or 100 only where it is exactly that.
-
-    >>> share(327, 332), share(331, 332), share(1, 1000), share(5, 5)
-    ('98 %', '99.7 %', '0.1 %', '100 %')
-    """
+    """A share in per cent that is 0 or 100 only where it is exactly that."""
     if whole == 0:
         return "-"
     percent = 100 * part / whole
@@ -140,20 +95,12 @@ def share(part: int, whole: int) -> str:
 
 
 def day_range(first: dt.date, last: dt.date) -> str:
-    """A day, or from one to another.
-
-    >>> day_range(dt.date(2008, 1, 1), dt.date(2008, 12, 31))
-    '2008-01-01 to 2008-12-31'
-    """
+    """A day, or a range such as "2008-01-01 to 2008-12-31"."""
     return f"{first}" if first == last else f"{first} to {last}"
 
 
 def spans(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
-    """First and last days of unbroken sequences of days, which are in order.
-
-    >>> [f"{a:%d}-{b:%d}" for a, b in spans([dt.date(2008, 1, 1), dt.date(2008, 1, 2), dt.date(2008, 1, 9)])]
-    ['01-02', '09-09']
-    """
+    """First and last days of unbroken sequences of days, which are in order."""
     found: list[tuple[dt.date, dt.date]] = []
     for day in days:
         if found and (day - found[-1][1]).days == 1:
@@ -174,11 +121,7 @@ def response_unit(unit: str) -> str:
 
 
 def statuses(status: Sequence[str]) -> str:
-    """Count the days without an answer by status.
-
-    >>> statuses(["ok", "failed", "failed", "pending"])
-    '2 failed and 1 pending'
-    """
+    """The days without an answer, counted by status, such as "2 failed and 1 pending"."""
     return listed([f"{n:,} {name}" for name in NO_ANSWER if (n := list(status).count(name))])
 
 
@@ -188,11 +131,7 @@ def shorten(text: str, width: int) -> str:
 
 
 def step(sample_time: float) -> str:
-    """The length of a sample: minutes or hours where these are whole.
-
-    >>> step(300), step(133), step(3600)
-    ('5 min', '133 s', '1 h')
-    """
+    """The length of a sample, in minutes or hours where these are whole, such as "5 min" or "133 s"."""
     for size, unit in ((3600, "h"), (60, "min")):
         if sample_time % size == 0:
             return f"{sample_time / size:.0f} {unit}"
@@ -203,10 +142,7 @@ def travel(values: Sequence[float], sample_time: float) -> str:
     """The travel time that a delay stands for, or several alternatives, the lowest first [samples].
 
     At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; a median between two delays
-    stands for both.
-
-    >>> travel([5], 300), travel([6, 7], 133), travel([6, 9], 133), travel([5.5], 300), travel([20], 0.05)
-    ('25 to 30 min', '13.3 to 17.7 min', '13.3 to 15.5 or 19.9 to 22.2 min', '25 to 35 min', '1 to 1.05 s')
+    stands for both. Spans that are apart are joined as in "13.3 to 15.5 or 19.9 to 22.2 min".
     """
     spans: list[tuple[float, float]] = []
     for d in values:
@@ -224,47 +160,27 @@ def travel(values: Sequence[float], sample_time: float) -> str:
 
 
 def travel_within(low: float, high: float, sample_time: float) -> str:
-    """The travel times that the delays from `low` to `high` [samples] stand for.
-
-    >>> travel_within(5, 9, 133)
-    '11.1 to 22.2 min'
-    """
+    """The travel times that the delays from `low` to `high` [samples] stand for."""
     return travel([float(d) for d in range(math.floor(low), math.ceil(high) + 1)], sample_time)
 
 
 def samples_first(values: Sequence[float], sample_time: float) -> str:
-    """Delays in samples, then the travel time that they stand for.
-
-    >>> samples_first([5], 300)
-    '5 samples (25 to 30 min)'
-    """
+    """Delays and their travel time, such as "5 samples (25 to 30 min)"."""
     return f"{samples(values)} ({travel(values, sample_time)})"
 
 
 def travel_first(values: Sequence[float], sample_time: float) -> str:
-    """The travel time that delays stand for, then the delays in samples.
-
-    >>> travel_first([5], 300), travel_first([6, 7], 133)
-    ('25 to 30 min (delay d = 5 samples of 5 min)', '13.3 to 17.7 min (delay d = 6 or 7 samples of 133 s)')
-    """
+    """The same, such as "25 to 30 min (delay d = 5 samples of 5 min)"."""
     return f"{travel(values, sample_time)} (delay d = {samples(values)} of {step(sample_time)})"
 
 
 def flow(value: float) -> str:
-    """A discharge [m3/s] to three digits or to whole units.
-
-    >>> flow(279.1), flow(12.345), flow(1315.4)
-    ('279', '12.3', '1,315')
-    """
+    """A discharge [m3/s] to three digits or to whole units."""
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def power(value: float) -> str:
-    """A number to two digits, with a power of ten where it is very large or small.
-
-    >>> power(24877.7), power(0.0041), power(12.3)
-    ('2.5 × 10⁴', '0.0041', '12')
-    """
+    """A number to two digits, with a power of ten where it is very large or small, such as "2.5 × 10⁴"."""
     if not math.isfinite(value):
         return "–"
     if value == 0 or 1e-3 <= abs(value) < 1e4:
@@ -274,9 +190,5 @@ def power(value: float) -> str:
 
 
 def ten_to(exponent: int) -> str:
-    """A power of ten.
-
-    >>> ten_to(-4)
-    '10⁻⁴'
-    """
+    """A power of ten, such as "10⁻⁴"."""
     return "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -21,9 +21,10 @@ from rivid.forecast import (
     learnt_quantiles,
     simulations,
 )
+from tests.daily import write_days
 from tests.diagnosis.responses import river_record
 from tests.run.test_run import rivid as command
-from tests.test_export import river, written
+from tests.test_export import pool, river, written
 
 DAYS, N, T = 45, 96, 900.0
 FIRST = dt.date(2024, 5, 1)
@@ -240,6 +241,15 @@ def test_what_does_not_fit_is_refused(place):
         rivid.load_model(place)
     with pytest.raises(ConfigError, match="nowhere does not exist: .* `rivid diagnose`"):
         rivid.load_model(place / "nowhere")
+
+
+def test_a_pool_without_logged_outflow_is_refused(tmp_path):
+    """It was simulated with an outflow of zero."""
+    reach, record = pool("none")
+    write_days(tmp_path / "logs", 1)
+    model = rivid.load_model(written(reach, record, tmp_path))
+    with pytest.raises(ConfigError, match="a forecast of a pool needs it"):
+        model.forecast(tmp_path / "logs", {"input": {"u_Qo": ""}})
 
 
 def test_from_python(place, known):

@@ -1,4 +1,4 @@
-"""The results contract, the effects and the exit codes, from their homes in the package."""
+"""The results contract and the effects, from their homes in the package, and the exit codes."""
 
 import inspect
 
@@ -9,7 +9,6 @@ from rivid.check import flags
 from rivid.cli.effects import TITLES, example
 from rivid.diagnosis.result import VERDICTS
 from rivid.effects import CATALOGUE, FAMILIES, Effect
-from rivid.errors import EXIT_CODES
 from rivid.fleet import report as fleet
 from rivid.report import diagnosis, forecast
 from rivid.results import season, store
@@ -18,6 +17,21 @@ TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": 
          "date32[day]": "date", "timestamp[ms]": "time", "timestamp[ms, tz=UTC]": "time, UTC"}  # fmt: skip
 KEYS = ("date", "reach", "estimator")
 _INT, _FLOAT = pa.int64(), pa.float64()
+
+EXIT_CODES: dict[int, tuple[str, str]] = {
+    0: ("all well", ""),
+    1: ("failure: the disk is full, a file cannot be written", "read the one line on stderr"),
+    2: ("usage or configuration", "the line names the option or the key"),
+    3: (
+        "days failed that had not failed before, or every day failed; all else is written (`--strict`: any)",
+        "read `message` of these days; where others are well, tomorrow it is 0 again",
+    ),
+    10: ("no data", "is DATA_DIR right?"),
+    11: ("another run holds OUT", "wait"),
+    130: ("interrupted (SIGINT)", "start it again: what is done stays done"),
+    143: ("ended (SIGTERM)", "start it again: what is done stays done"),
+}
+"""What the command line returns: the meaning, and what to do; in Markdown."""
 
 
 def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:

@@ -371,9 +371,7 @@ def posterior(
         if y is not None or o is not None:
             raise ConfigError("posterior(day, y): a day has its own series: expected posterior(day)")
         base = u.config if config is None else as_config(config)
-        o = u.o
-        days = Days(u.u[None], u.y[None], None if o is None else np.asarray(o)[None], u.inflow[:1])
-        single, date = True, u.date
+        days, single, date = u._deviations, True, u.date
     elif y is None:
         raise ConfigError("posterior(u): the output is missing: expected posterior(day) or posterior(u, y)")
     else:
@@ -381,8 +379,7 @@ def posterior(
         arrays, single = as_days({"u": u, "y": y, "o": o}, 1, "the probability of a delay")
         if not len(arrays[0]):
             raise RividError(f"u has shape {arrays[0].shape}: expected one day or more, (N,) or (days, N)")
-        moved = [values - values[:, :1] for values in arrays]
-        days = Days(moved[0], moved[1], moved[2] if o is not None else None, arrays[0][:, 0])
+        days = Days.of(arrays[0], arrays[1], None if o is None else arrays[2], min_motion=0.0)
     settings = _with_posterior(base, days.o is not None, changes)
     (estimator,) = build(settings).values()
     if days.u.shape[1] < estimator.min_samples:

@@ -1,6 +1,6 @@
 """A simulated season with known truth."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -114,4 +114,4 @@ def simulate(scenario: GivenScenario = None, *, seed: int | None = None, **chang
             "rivid.simulation.simulate_cascade"
         )
     (season,) = simulate_cascade(loaded, seed)
-    return SimulatedSeason(**{f.name: getattr(season, f.name) for f in fields(Season)})
+    return SimulatedSeason(**vars(season))

@@ -129,8 +129,8 @@ def _ignore_signals() -> None:
     """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
-    for name in ("SIGINT", "SIGTERM"):
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _open_closed_streams() -> None:
@@ -184,8 +184,8 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        status = cli.main(prog_name="rivid", standalone_mode=False)
-        return status if isinstance(status, int) else 0
+        code: int = cli.main(prog_name="rivid", standalone_mode=False)
+        return code
     except click.UsageError as error:
         message = " ".join(error.format_message().split())
         message += "" if message.endswith((".", "?")) else "."

@@ -1,20 +1,22 @@
 """``rivid bounds``."""
 
+import json
+import math
+import re
+from dataclasses import asdict
 from pathlib import Path
 
 import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, wrap
-
-GEOMETRY = ("length", "width", "depth", "discharge_range", "sample_time")
-"""Keys of [reach] that the bounds depend on."""
+from rivid.errors import ConfigError
 
 
 @click.command("bounds")
 @click.argument("data_dir", type=shared.PATH, default=".")
 @shared.config()
-@click.option("--toml", "as_toml", is_flag=True, help="Only the proposal, as lines of a configuration.")
+@shared.flag("--toml", "Only the proposal, as lines of a configuration.", "as_toml")
 @shared.value("--write", shared.FILE, "FILE", "Put the proposal into this configuration.")
 @shared.as_json()
 def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | None, as_json: bool) -> int:
@@ -29,17 +31,12 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
       rivid bounds --config configs/glen_canyon.toml --toml > proposed.toml
       rivid bounds --config configs/glen_canyon.toml --write out/proposed.toml
     """
-    import json
-    import math
-    from dataclasses import asdict
-
     import numpy as np
 
     from rivid.atomic import write_text
     from rivid.cli.locate import configuration
     from rivid.config import DAY, load_config
     from rivid.core.settings import MAX_ORDER
-    from rivid.errors import ConfigError
     from rivid.report.page import terminal
 
     console = Console()
@@ -49,7 +46,8 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     bounds = reach.bounds(np.linspace(low, high, 8))
     proposal = reach.proposal()
 
-    missing = [key for key in GEOMETRY if key not in reach.model_fields_set]
+    geometry = ("length", "width", "depth", "discharge_range", "sample_time")
+    missing = [key for key in geometry if key not in reach.model_fields_set]
     if missing:
         values = ((key, getattr(reach, key)) for key in missing)
         listed = ", ".join(f"{k} = {list(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in values)
@@ -82,7 +80,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     if too_long and (write is not None or as_toml):
         raise ConfigError(too_long)
     if write is not None:
-        write_text(write, updated(write, "jmap", lines))
+        write_text(write, updated(write, lines))
         click.echo(f"written: {write}")
         return 0
     if as_toml:
@@ -97,23 +95,29 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     return 0
 
 
-def updated(path: Path, name: str, lines: str) -> str:
-    """The text of a configuration with these lines in its table `name`; other keys and comments stay."""
+def updated(path: Path, lines: str) -> str:
+    """The text of a configuration with these lines in its table [jmap]; other keys and comments stay."""
     from rivid.config import read_toml
 
     if not path.exists():
         return f"{lines}\n"
-    table, text = read_toml(path).get(name), path.read_text(encoding="utf-8")
+    table, text = read_toml(path).get("jmap"), path.read_text(encoding="utf-8")
     if table is None:
         return f"{text.rstrip()}\n\n{lines}\n".lstrip()
-    keys = {line.split(" = ")[0] for line in lines.splitlines() if " = " in line}
+    new = lines.splitlines()
+    stale = {"M", *map(_without_value, new)}  # M is the order
     kept, inside = [], False
     for line in text.splitlines():
-        if line.strip().startswith("["):
-            inside = line.split("#")[0].strip() == f"[{name}]"
-            if inside:
-                kept += lines.splitlines()
-                continue
-        if not (inside and line.split("=")[0].strip() in keys):
+        if line.lstrip().startswith("["):
+            inside = re.fullmatch(r"\s*\[\s*jmap\s*\]\s*(#.*)?", line) is not None
+            kept += new if inside else [line]
+        elif not (inside and _without_value(line) in stale):
             kept.append(line)
+    if new[0] not in kept:
+        raise ConfigError(f"{path}: jmap has no line [jmap]: `rivid bounds --toml` prints what to put there")
     return "\n".join(kept) + "\n"
+
+
+def _without_value(line: str) -> str:
+    """A key without its value, or a comment without its numbers."""
+    return re.sub(r"\s*=.*|[\d.]+", "", line.strip())

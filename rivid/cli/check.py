@@ -14,7 +14,7 @@ from rivid.errors import ConfigError, RividError
 
 @click.command("check")
 @shared.data_dir
-@shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
+@shared.config(shared.CONFIG_OF_FLEET, shared.PATH)
 @shared.value("--flags", shared.NEW_DIRECTORY, "DIR", "Write flags of single values: flags.csv and .parquet.")
 @shared.value("--maintenance", shared.FILE, "FILE", "Dates on which the gauge was moved or cleaned.")
 @shared.as_json("One JSON object on stdout: every day, and a summary.")

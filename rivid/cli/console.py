@@ -5,16 +5,18 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rivid.errors import printable
+from rivid.text import count
 
-SHOWN_AFTER = 10.0
-"""Time after which a step is shown with the time since the first one [s]."""
+if TYPE_CHECKING:
+    from rivid.run.workers import Progress
+
 WIDTH = 80
 """Columns of all text output."""
 
@@ -30,20 +32,17 @@ def print_error(text: str) -> None:
     click.echo(f"{click.style('rivid:', fg='red')} {line}", err=True, color=colour_wanted())
 
 
-def wrap(text: str, indent: int = 0, hanging: int = 2, width: int = WIDTH) -> str:
-    """Break text into lines of at most `width` columns; paths and long words are not split."""
+def wrap(text: str, indent: int = 0, hanging: int = 2) -> str:
+    """Break text into lines of at most :data:`WIDTH` columns; paths and long words are not split."""
     return textwrap.fill(
-        text, width, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
+        text, WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
         break_on_hyphens=False, break_long_words=False,
     )  # fmt: skip
 
 
-def abbreviate(name: str, most: int = 40) -> str:
-    """Shorten a name to `most` characters by leaving out its middle."""
-    if len(name) <= most:
-        return name
-    end = (most - 3) // 2
-    return f"{name[: most - 3 - end]}...{name[len(name) - end :]}"
+def abbreviate(name: str) -> str:
+    """Shorten a name to 40 characters by leaving out its middle."""
+    return name if len(name) <= 40 else f"{name[:19]}...{name[-18:]}"
 
 
 class Console:
@@ -75,40 +74,40 @@ class Console:
             click.echo(f"{now - self._since:8.2f} s  {name}", err=True)
         self._since = now
 
-    def timed(
-        self, progress: Callable[[int], Any] | None, what: str = "data sets"
-    ) -> Callable[[int], Any] | None:
-        """Return the progress bar of a run; with --verbose, one that also times the phases around it."""
-        if not self.verbose:
-            return progress
+    def progress(self, shown: bool, what: str) -> "Progress":
+        """Return a bar for so many data sets or reaches; with --verbose, the phases around it are timed."""
 
         @contextmanager
-        def bar(total: int) -> Iterator[Callable[[int], Any]]:
+        def timed(total: int) -> Iterator[Callable[[int], Any]]:
             self.phase("finding what is new")
-            with progress(total) if progress else nullcontext(lambda _: None) as advance:
-                yield advance
+            if shown and not self.quiet and sys.stderr.isatty():
+                bar = click.progressbar(length=total, label="estimating", show_pos=True, file=sys.stderr)
+                with bar:
+                    yield bar.update
+            else:
+                yield lambda n: None
             self.phase(f"estimating {total:,} {what}")
 
-        return bar
+        return timed
 
     @contextmanager
     def steps(self, name: str) -> Iterator[Callable[[str], None]]:
         """Yield a function to call with the name of each step as it begins; `name` is the first step.
 
-        Later steps are shown with the time since the first one. A terminal shows the current step only; with
-        --verbose, each step is printed with its duration.
+        After ten seconds, steps are shown with the time since the first one. A terminal shows the current
+        step only; with --verbose, each step is printed with its duration.
         """
-        on_terminal = sys.stderr.isatty() and not self.verbose
+        on_terminal = sys.stderr.isatty() and not self.verbose and not self.quiet
         current, began = name, time.perf_counter()
 
         def step(text: str) -> None:
             nonlocal current
             past = time.perf_counter() - began
             so_far = f"{past:.0f} s" if past < 120.0 else f"{past / 60.0:.0f} min"
-            end = f", {so_far} so far" if past >= SHOWN_AFTER else ""
+            end = f", {so_far} so far" if past >= 10.0 else ""
             if self.verbose and text != current:
                 self.phase(current)
-            elif on_terminal and not self.quiet:
+            elif on_terminal:
                 shown = text[: WIDTH - 2 - len(end)] + end
                 click.echo(f"{shown:<{WIDTH - 2}}\r", err=True, nl=False)
             elif text != current and not self.quiet:
@@ -118,7 +117,7 @@ class Console:
         try:
             yield step
         finally:
-            if on_terminal and not self.quiet:
+            if on_terminal:
                 click.echo(" " * (WIDTH - 2) + "\r", err=True, nl=False)
         self.phase(current)
 
@@ -133,16 +132,6 @@ class Console:
                 lines += [("", files_in(Path(place)))] if name == "logs" else []
         for name, text in lines:
             click.echo(f"{name:>10}  {text}", err=True)
-
-
-@contextmanager
-def progress(total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with a number of finished steps, which moves a bar on a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda n: None
-        return
-    with click.progressbar(length=total, label="estimating", show_pos=True, file=sys.stderr) as bar:
-        yield bar.update
 
 
 def versions() -> str:
@@ -166,4 +155,4 @@ def files_in(folder: Path) -> str:
     if not files:
         return "no files"
     ends = files[0][0] if len(files) == 1 else f"{files[0][0]} to {files[-1][0]}"
-    return f"{len(files):,} file{'s' * (len(files) > 1)}, {sum(n for _, n in files) / 1e6:.1f} MB: {ends}"
+    return f"{count(len(files), 'file')}, {sum(n for _, n in files) / 1e6:.1f} MB: {ends}"

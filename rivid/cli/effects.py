@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,6 @@ WINDOW = (
 
 def _names(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
     """Return the effects for shell completion, read from the source: importing the modules is slow."""
-    import re
-
     modules = sorted(Path(__file__).parents[1].joinpath("effects").glob("*.py"))
     found = (re.findall(r'^    name = "(\w+)"', path.read_text(encoding="utf-8"), re.M) for path in modules)
     return [name for names in found for name in names if name.startswith(typed)]

@@ -12,9 +12,7 @@ FORMATS = ("state-space", "rtc-tools", "pypsa", "csv")
 
 @click.command("export")
 @click.argument("source", type=shared.PATH)
-@shared.value(
-    "--out", shared.NEW_DIRECTORY, "DIR", "Directory of the files; default: SOURCE/export.", short="-o"
-)
+@shared.value("--out", shared.NEW_DIRECTORY, "DIR", "Directory of the files; default: SOURCE/export.", "-o")
 @shared.value("--to", shared.OneOf(FORMATS), "|".join(FORMATS), "The format.", required=True)
 @shared.value(
     "--snapshot", click.FloatRange(min=0, min_open=True), "SECONDS",

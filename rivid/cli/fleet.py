@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
     from rivid.fleet.outcome import Outcome
     from rivid.run.run import Options
-    from rivid.run.workers import Engine, Progress
+    from rivid.run.workers import Engine
 
 MOST_LINES = 20
 """Reaches that are named on the terminal; the page has all of them."""
@@ -52,28 +52,21 @@ def command(out: Path, as_json: bool, console: Console) -> int:
         raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
     console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
     with Store(out):
-        _report(out, outcomes, None, None, as_json=as_json, quiet=console.quiet)
+        _report(out, outcomes, None, None, as_json, console)
     console.phase("report")
     return worst(outcome.code for outcome in outcomes)
 
 
 def run_all(
-    data_dir: Path,
-    reaches: "Sequence[Reach]",
-    out: Path,
-    options: "Options",
-    *,
-    strict: bool,
-    as_json: bool,
-    quiet: bool,
-    progress: "Progress | None",
-    engine: "Engine | None" = None,
-) -> int:
+    data_dir: Path, reaches: "Sequence[Reach]", out: Path, options: "Options", engine: "Engine | None",
+    console: Console, *, strict: bool, as_json: bool,
+) -> int:  # fmt: skip
     """Run a fleet, or a shard of it; return the exit code."""
     from rivid.fleet.outcome import kept, worst
     from rivid.fleet.run import run_fleet
 
     outcomes = []
+    progress = console.progress(not as_json, "reaches")
     for outcome in run_fleet(data_dir, reaches, out, options, progress, engine):
         outcomes.append(outcome)
         if as_json:
@@ -86,28 +79,21 @@ def run_all(
     if not options.shard:
         named = {outcome.reach for outcome in outcomes}
         others = [outcome for outcome in kept(out) if outcome.reach not in named]
-        name = data_dir.resolve().name
-        _report(out, [*outcomes, *others], name, computed, as_json=as_json, quiet=quiet)
+        _report(out, [*outcomes, *others], data_dir.resolve().name, computed, as_json, console)
     elif as_json:
         click.echo(json.dumps({"shard": str(options.shard), "reaches": len(outcomes)}))
-    elif not quiet:
-        click.echo(
+    else:
+        console.say(
             f"shard {options.shard}: {len(outcomes)} of {len(reaches)} reaches, "
-            f"{computed:,} data sets estimated now"
+            f"{computed:,} data sets estimated now\nwhen all shards are done: rivid fleet {out}"
         )
-        click.echo(f"when all shards are done: rivid fleet {out}")
     return worst(3 if strict and o.code == 0 and (o.failures or o.bad_files) else o.code for o in outcomes)
 
 
 def _report(
-    out: Path,
-    outcomes: "Sequence[Outcome]",
-    name: str | None,
-    computed: int | None,
-    *,
-    as_json: bool,
-    quiet: bool,
-) -> None:
+    out: Path, outcomes: "Sequence[Outcome]", name: str | None, computed: int | None, as_json: bool,
+    console: Console,
+) -> None:  # fmt: skip
     """Write the files of the fleet and print its summary; no `name` and `computed`: written again."""
     from rivid.fleet.report import write_fleet
 
@@ -115,7 +101,7 @@ def _report(
     if as_json:
         del summary["contents"], summary["data_sets_of"], summary["before"]
         click.echo(json.dumps({"summary": summary}))
-    elif not quiet:
+    elif not console.quiet:
         print_summary(summary, computed, out)
 
 
@@ -148,7 +134,7 @@ def plan(reaches: "Sequence[Reach]", out: Path) -> int:
             names = ", ".join(reach.config().run.estimators)
         except RividError as error:
             click.echo(wrap(f"{reach.name}: {error}", 2))
-            code = max(code, error.exit_code if error.exit_code == 2 else 0)
+            code = 2 if error.exit_code == 2 else code
         else:
             click.echo(wrap(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
     click.echo(f"{len(reaches):,} reaches")

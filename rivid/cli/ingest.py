@@ -1,6 +1,7 @@
 """``rivid ingest``."""
 
 import datetime as dt
+import json
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,6 @@ def command(
         --config tests/data/exports/historian/config.toml --out out/logs
       rivid run out/logs --config out/logs_run.toml --out out/ingested
     """
-    import json
-
     from rivid.config import load_config
     from rivid.errors import ConfigError
     from rivid.logs.exports import ingest, run_config_of

@@ -102,10 +102,19 @@ def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
     """
     if given is not None:
         return given
-    out = _configured_out(config)
+    out, logs = _configured_out(config), data_dir.resolve()
     if out is None:
         return Path("out")
-    _refuse_other_logs(out, data_dir)
+    if (before := _logs_of(out)) not in (None, logs):  # OUT mirrors DATA_DIR: their results would be removed
+        raise ConfigError(
+            f"[run] out leads to {out}, which holds results of {before}: those of {data_dir} would replace "
+            "them; give --out"
+        )
+    if (out / "fleet.json").is_file() and _logs_of(out / logs.name) == logs:
+        raise ConfigError(
+            f"[run] out leads to {out}, which holds results of a fleet: for {data_dir} alone give "
+            f"--out {out / logs.name}"
+        )
     return out
 
 
@@ -123,22 +132,6 @@ def _configured_out(config: Path | None) -> Path | None:
     except (ConfigError, KeyError, TypeError):
         return None
     return path.parent / out if isinstance(out, str) and out and "\0" not in out else None
-
-
-def _refuse_other_logs(out: Path, data_dir: Path) -> None:
-    """Raise if OUT holds results of other logs: OUT mirrors DATA_DIR, so theirs would be removed."""
-    before = _logs_of(out)
-    if before is not None and before != data_dir.resolve():
-        raise ConfigError(
-            f"[run] out leads to {out}, which holds results of {before}: those of {data_dir} would replace "
-            "them; give --out"
-        )
-    of_reach = out / data_dir.resolve().name
-    if (out / "fleet.json").is_file() and _logs_of(of_reach) == data_dir.resolve():
-        raise ConfigError(
-            f"[run] out leads to {out}, which holds results of a fleet: for {data_dir} alone give "
-            f"--out {of_reach}"
-        )
 
 
 def _logs_of(out: Path) -> Path | None:

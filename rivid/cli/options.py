@@ -58,19 +58,17 @@ class _Date(click.DateTime):
 DATE = _Date(["%Y-%m-%d"])
 
 
-def value(name: str, kind: Any, metavar: str, text: str, short: str = "", **more: Any) -> Decorator:
-    """Return an option with a value."""
-    names = (name, short) if short else (name,)
-    return click.option(*names, type=kind, metavar=metavar, help=text, **more)
+def value(name: str, kind: Any, metavar: str, text: str, *names: str, **more: Any) -> Decorator:
+    """Return an option with a value; `names` are its short name, or that of the command's argument."""
+    return click.option(name, *names, type=kind, metavar=metavar, help=text, **more)
 
 
-def flag(name: str, text: str) -> Decorator:
-    """Return an option without a value."""
-    return click.option(name, is_flag=True, help=text)
+def flag(name: str, text: str, *names: str) -> Decorator:
+    """Return an option without a value; `names` as of :func:`value`."""
+    return click.option(name, *names, is_flag=True, help=text)
 
 
 data_dir = click.argument("data_dir", type=PATH)
-"""DATA_DIR, the logs."""
 
 
 def exports(required: bool = True) -> Decorator:
@@ -83,35 +81,37 @@ results = click.argument("out", type=DIRECTORY)
 """OUT, the directory that a run has written."""
 
 
-def config(text: str = f"The reach and its settings (TOML); {SEARCHED}", **more: Any) -> Decorator:
+def config(
+    text: str = f"The reach and its settings (TOML); {SEARCHED}", kind: click.Path = FILE, **more: Any
+) -> Decorator:
     """--config, -c."""
-    return value("--config", more.pop("type", FILE), "FILE", text, short="-c", **more)
+    return value("--config", kind, "FILE", text, "-c", **more)
 
 
 out = value(
     "--out", NEW_DIRECTORY, "DIR",
-    "Directory of the results; default: [run] out of the configuration, else ./out.", short="-o",
+    "Directory of the results; default: [run] out of the configuration, else ./out.", "-o",
 )  # fmt: skip
-logs_out = value(
-    "--out", NEW_DIRECTORY, "DATA_DIR", "Directory of the daily logs.", short="-o", required=True
-)
-"""--out, -o, of commands that write logs."""
+logs_out = value("--out", NEW_DIRECTORY, "DATA_DIR", "Directory of the daily logs.", "-o", required=True)
 
 
 def days(verb: str) -> Decorator:
     """--from and --to."""
-    first = click.option("--from", "first", type=DATE, metavar="DATE", help=f"First day to {verb}.")
-    last = click.option("--to", "last", type=DATE, metavar="DATE", help=f"Last day to {verb}.")
-    return lambda command: first(last(command))
+    last = value("--to", DATE, "DATE", f"Last day to {verb}.", "last")
+    return lambda command: first_day(verb)(last(command))
+
+
+def first_day(verb: str) -> Decorator:
+    """--from."""
+    return value("--from", DATE, "DATE", f"First day to {verb}.", "first")
 
 
 def as_json(text: str = "One JSON object on stdout.") -> Decorator:
     """--json."""
-    return click.option("--json", "as_json", is_flag=True, help=text)
+    return flag("--json", text, "as_json")
 
 
-quiet = click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
-"""--quiet, -q."""
+quiet = flag("--quiet", "Print only errors and warnings.", "-q")
 
 
 def talk(command: Any) -> Any:
@@ -121,8 +121,8 @@ def talk(command: Any) -> Any:
     def talking(quiet: bool, verbose: bool, **given: Any) -> Any:
         return command(console=Console(quiet, verbose), **given)
 
-    text = "Print files, versions and the time of each phase on stderr."
-    return quiet(click.option("--verbose", "-v", is_flag=True, help=text)(talking))
+    verbose = flag("--verbose", "Print files, versions and the time of each phase on stderr.", "-v")
+    return quiet(verbose(talking))
 
 
 today = value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)

@@ -10,9 +10,9 @@ from rivid.cli import options as shared
 
 @click.command("publish")
 @click.argument("out", type=shared.PATH)
-@click.option("--to", "url", metavar="URL", required=True, help="The database, as SQLAlchemy names it.")
+@shared.value("--to", str, "URL", "The database, as SQLAlchemy names it.", "url", required=True)
 @shared.value("--table", str, "NAME", "Its table.", default="rivid_delays", show_default=True)
-@click.option("--from", "first", type=shared.DATE, metavar="DATE", help="First day to write.")
+@shared.first_day("write")
 @shared.quiet
 def command(out: Path, url: str, table: str, first: dt.date | None, quiet: bool) -> int:
     """Write the delays of the run OUT to a table of a database, for dashboards.
@@ -26,14 +26,12 @@ def command(out: Path, url: str, table: str, first: dt.date | None, quiet: bool)
       rivid publish out --to sqlite:///delays.db
       rivid publish out --to 'postgresql+psycopg://rivid:$WORD@db/plant'
     """
-    import pandas as pd
-
     from rivid.database import publish
     from rivid.results.read import load_delays
 
     delays = load_delays(out)
     if first:
-        delays = delays[delays["date"] >= pd.Timestamp(first)]
+        delays = delays[delays["date"] >= str(first)]
     rows = publish(delays, url, table)
     if not quiet:
         click.echo(f"{rows:,d} rows written to {table}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console, print_error, progress
+from rivid.cli.console import Console, print_error
 from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -17,13 +17,10 @@ if TYPE_CHECKING:
     from rivid.run.dask import Dask
     from rivid.run.run import Options, Summary
 
-SCALED = {"order", "d_min", "d_max", "sigma_d"}
-"""Settings that are in samples."""
-
 
 @click.command("run")
 @shared.data_dir
-@shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
+@shared.config(shared.CONFIG_OF_FLEET, shared.PATH)
 @shared.out
 @shared.value(
     "--estimator", shared.OneOf(ESTIMATORS), "NAME",
@@ -98,7 +95,6 @@ def command(
         workers=workers, first=first, last=last, force=force, verify=verify, figures=not no_figures,
         today=today, shard=Shard.parse(shard) if shard else None,
     )  # fmt: skip
-    quiet, bar = console.quiet, None if console.quiet or as_json else progress
     reaches = find_fleet(data_dir, found, estimator, None if config else own)
     if reaches is not None:
         from rivid.cli.fleet import plan, run_all
@@ -106,10 +102,7 @@ def command(
         if dry_run:
             return plan(reaches, place)
         with dask or nullcontext():
-            code = run_all(
-                data_dir, reaches, place, options, strict=strict, as_json=as_json, quiet=quiet,
-                progress=console.timed(bar, "reaches"), engine=dask,
-            )  # fmt: skip
+            code = run_all(data_dir, reaches, place, options, dask, console, strict=strict, as_json=as_json)
         console.phase("the fleet's report")
         return code
 
@@ -121,13 +114,14 @@ def command(
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
     with dask or nullcontext():
-        summary = run(data_dir, place, settings, options, console.timed(bar), dask)
+        progress = console.progress(not as_json, "data sets")
+        summary = run(data_dir, place, settings, options, progress, dask)
     console.phase("bringing tables, figures and report up to date")
     if as_json:
         print_json(summary, with_days=not shard)
     _print_notes(summary, console, notes, options)
     if not as_json:
-        print_summary(summary, settings, options, quiet)
+        print_summary(summary, settings, options, console.quiet)
     return _exit_code(summary, strict, options)
 
 
@@ -147,22 +141,22 @@ def _dask(engine: str | None, scheduler: str | None, workers: int | None) -> "Da
 
 def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, list[str]]":
     """The configuration, and notes on defaults that another reach may need to change."""
-    from rivid.config import Config, ReachConfig, load_config, parse
+    from rivid.config import Config, ReachConfig, load_config, merged, parse
     from rivid.results.store import assumed
 
     settings, notes = load_config(path), []
     lacking, papers = assumed(settings), ReachConfig().sample_time
     if path and lacking:
         notes.append(f"[reach] lacks {', '.join(lacking)}: the bounds take those of Table I")
-    if not lacking and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
+    in_samples = settings.jmap.model_fields_set & {"order", "d_min", "d_max", "sigma_d"}
+    if not lacking and settings.reach.sample_time != papers and not in_samples:
         notes.append(
             f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
             "`rivid bounds` proposes those of this reach"
         )
     if estimators:
-        raw = settings.model_dump(mode="json", exclude_none=True)
-        raw["run"]["estimators"] = list(estimators)
-        settings = parse(raw, Config, "--estimator")
+        raw = settings.model_dump(mode="json", exclude_unset=True)  # what is assumed stays assumed
+        settings = parse(merged(raw, {"run": {"estimators": list(estimators)}}), Config, "--estimator")
     return settings, notes
 
 

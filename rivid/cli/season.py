@@ -14,17 +14,21 @@ if TYPE_CHECKING:
     from rivid.results.season import Joined, SeasonDays
 
 
+def _names(out: Path) -> list[str]:
+    """The reaches of a fleet that have been run into OUT."""
+    return sorted(path.parent.name for path in out.glob("*/run.json"))
+
+
 def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
     """The reaches in OUT, for shell completion."""
     given = context.params.get("out") or next(iter(context.args), None)  # an option still lacks its value
-    names = sorted(path.parent.name for path in Path(given).glob("*/run.json")) if given else []
-    return [name for name in names if name.startswith(typed)]
+    return [name for name in _names(Path(given)) if name.startswith(typed)] if given else []
 
 
 @click.command("season")
 @shared.results
-@click.option("--both-ways", is_flag=True, help="Use the later days too: for a study of a pool.")
-@click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")
+@shared.flag("--both-ways", "Use the later days too: for a study of a pool.")
+@shared.value("--reach", str, "NAME", "The reach, where OUT is a fleet's.", shell_complete=_reaches)
 @shared.talk
 def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> int:
     """Join the days of a finished run of `posterior`.
@@ -50,9 +54,7 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
     from rivid.run.workers import without_pandas
 
     without_pandas()
-    out = _of_reach(out, reach)
-    if not last_record(out):  # before the lock, which would make the directory
-        raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
+    out = _of_reach(out, reach)  # before the lock, which would make the directory
     console.begin(("results", out))
     console.phase("starting")
     with Store(out):
@@ -76,16 +78,15 @@ def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
     from rivid.results.read import last_record
 
-    run = last_record(out)
-    if run:
+    if run := last_record(out):
         if reach is not None and reach != run["reach"]:
             raise ConfigError(f"--reach {reach}: {out} is of {run['reach']} alone: leave --reach out")
         return out
-    names = sorted(path.parent.name for path in out.glob("*/run.json")) if out.is_dir() else []
+    names = _names(out)
     if reach in names:
         return out / str(reach)
     if reach is None and not names:
-        return out
+        raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
     came = "no --reach" if reach is None else f"--reach {reach}"
     raise ConfigError(f"{came}: expected one of the reaches in {out}: {', '.join(names) or 'there are none'}")
 

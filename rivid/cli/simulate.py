@@ -36,6 +36,7 @@ def command(
     """
     from rivid.api.inputs import as_scenario
     from rivid.errors import ConfigError
+    from rivid.logs import suffix_of
     from rivid.logs.write import stem_of
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
@@ -50,18 +51,17 @@ def command(
         raise ConfigError(f"the truth {truth} would lie among the logs in {out}: choose another directory")
     if truth.suffix == ".parquet":
         raise ConfigError(f"--truth {truth}: expected a .json; the true flows go next to it as .parquet")
-    several = bool(loaded.cascade)
     console.phase("starting")
     seasons = simulate_cascade(loaded, seed)
     console.phase("simulating")
-    names = [season.scenario.reach.name for season in seasons]
-    places = [
-        (out / name, truth.with_stem(f"{truth.stem}_{name}")) if several else (out, truth) for name in names
-    ]
+    places = [(out, truth)]
+    if loaded.cascade:
+        names = [season.scenario.reach.name for season in seasons]
+        places = [(out / name, truth.with_stem(f"{truth.stem}_{name}")) for name in names]
     for season, (logs, _) in zip(seasons, places, strict=True):
-        form, layout = season.scenario.output.format, season.scenario.output.layout
-        mine = {f"{stem_of(date, layout)}.{form}" for date in season.dates}
-        there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
+        made = season.scenario.output
+        mine = {f"{stem_of(date, made.layout)}.{made.format}" for date in season.dates}
+        there = {path.name for path in logs.glob("*") if suffix_of(path.name)}
         if others := sorted(there - mine):
             raise ConfigError(
                 f"{logs} holds other logs, such as {others[0]}, which would mix with these: "
@@ -88,11 +88,11 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
         logs, zip(season.dates, days, strict=True), sample_time=season.sample_time, offset=scenario.offset,
         format=scenario.output.format, layout=scenario.output.layout,
     )  # fmt: skip
+    water = truth.with_suffix(".parquet")
     write_truth(season, truth)
-    write_water(season, truth.with_suffix(".parquet"))
-    delays = ", ".join(
-        f"{d} on {n} days" for d, n in zip(*np.unique(season.delay, return_counts=True), strict=True)
-    )
+    write_water(season, water)
+    found = zip(*np.unique(season.delay, return_counts=True), strict=True)
+    delays = ", ".join(f"{d} on {n} days" for d, n in found)
     hidden = ", ".join(effect.name for effect in season.effects)
     flow = season.inflow.mean(axis=1)
     level = np.nanmax(season.level, axis=1) - np.nanmin(season.level, axis=1)
@@ -103,5 +103,5 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
         f"{np.ptp(season.inflow, axis=1).mean():.0f} m3/s and the level by {level.mean():.2f} m",
         f"true delay [samples of {season.sample_time:g} s]: {delays}",
         *([f"effects: {hidden}"] if hidden else []),
-        f"{count(len(files), 'file')} in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
+        f"{count(len(files), 'file')} in {logs}; truth in {truth} and {water.name}",
     ]

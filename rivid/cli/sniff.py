@@ -10,11 +10,9 @@ from rivid.cli import options as shared
 @click.command("sniff")
 @shared.exports()
 @shared.value(
-    "--time-zone",
-    str,
-    "NAME",
+    "--time-zone", str, "NAME",
     "Zone of its clock, as Europe/Paris or America/Los_Angeles; Etc/GMT+8 is 8 h behind UTC.",
-)
+)  # fmt: skip
 def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
     """Propose an [input] block for EXPORTS, one file from elsewhere, or several of one dialect.
 

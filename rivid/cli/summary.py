@@ -19,9 +19,6 @@ from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 
-NAME_WIDTH = 14
-"""Most columns of an estimator's name; a longer name indents its own line only."""
-
 
 def print_summary(summary: Summary, config: Config, options: Options, quiet: bool) -> None:
     """Print the counts and main numbers of each estimator, and the failed days; with `quiet` only these."""
@@ -33,27 +30,29 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
             )
             click.echo("when all shards are done, the same command without --shard merges them")
         return
-    if not quiet:
-        text = (
-            f"{count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
-            f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
-        )
-        click.echo(click.style(wrap(f"{abbreviate(config.reach.name)}: {text}"), bold=True))
-        results = brief_results(summary.rows, config)
-        width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
-        for e in results.estimators:
-            counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
-            click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
-            for line in _numbers(results, e):
-                click.echo(wrap(line, width + 4))
-        if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
-            click.echo(wrap(doubt, 2))
+    if quiet:
+        _print_failures(summary)
+        return
+    text = (
+        f"{count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
+        f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
+    )
+    click.echo(click.style(wrap(f"{abbreviate(config.reach.name)}: {text}"), bold=True))
+    results = brief_results(summary.rows, config)
+    # a name of more than 14 letters indents its own line only
+    width = min(max((len(name) for name in summary.counts), default=0), 14)
+    for e in results.estimators:
+        counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
+        click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
+        for line in _numbers(results, e):
+            click.echo(wrap(line, width + 4))
+    if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
+        click.echo(wrap(doubt, 2))
     _print_failures(summary)
-    if not quiet:
-        if not summary.reused:
-            click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
-        shown = "report.html" if options.figures else "delays.csv"
-        click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
+    if not summary.reused:
+        click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
+    shown = "report.html" if options.figures else "delays.csv"
+    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 
 
 def _print_failures(summary: Summary) -> None:

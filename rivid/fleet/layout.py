@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,27 +23,27 @@ OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
 
 @dataclass(frozen=True)
 class Reach:
-    """One reach of a fleet, its configuration not yet validated.
+    """One reach of a fleet, its configuration not yet validated."""
 
-    `name` is that of its directory of logs, `raw` its TOML, own keys over shared ones, and `source` the file
-    of it, for messages. `fault` is why it cannot be run.
-    """
-
-    name: str
     data_dir: Path
-    raw: dict[str, Any]
-    source: str
-    fault: RividError | None = None
+    raw: dict[str, Any]  # its TOML, own keys over shared ones
+    source: str  # the file of it, for messages
+    fault: RividError | None = None  # why it cannot be run
+
+    @property
+    def name(self) -> str:
+        """That of its directory of logs."""
+        return self.data_dir.name
 
     def config(self) -> "Config":
         """The validated configuration; ConfigError or NoDataError, in one line, where there is none."""
-        from rivid.config import Config, parse
+        from rivid.config import Config, merged, parse
 
         if self.fault:
             raise self.fault
-        raw = deepcopy(self.raw)
-        reach = raw.setdefault("reach", {})
-        if isinstance(reach, dict) and reach.setdefault("name", self.name) != self.name:
+        raw = merged({"reach": {"name": self.name}}, self.raw)
+        reach = raw["reach"]
+        if isinstance(reach, dict) and reach["name"] != self.name:
             raise ConfigError(
                 f"{self.source}: reach.name = {reach['name']!r}: in a fleet the directory names the reach: "
                 f"leave it out, or write {self.name!r}"
@@ -70,16 +69,16 @@ def find_fleet(
     from rivid.config import Config, merged, parse, read_config
 
     asked = configs is not None and configs.is_dir()
-    if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
-        if asked:
-            raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
+    if asked and not data_dir.is_dir():
+        raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
+    if not asked and holds_logs(data_dir):
         return None
-    folders = [
-        (path.name, path, holds_logs(path))
+    folders = {
+        path: holds_logs(path)
         for path in data_dir.iterdir()
         if not path.name.startswith(".") and path.is_dir()
-    ]
-    if not asked and not any(holds for _, _, holds in folders):
+    }
+    if not asked and not any(folders.values()):
         return None
     shared: dict[str, Any] = {}
     own: dict[str, Path] = {}
@@ -90,8 +89,8 @@ def find_fleet(
         shared = read_config(configs)
         parse(shared, Config, str(configs))  # a fault of it is reported once, not for each reach
 
-    def made(name: str, path: Path, mine: Path | None) -> Reach:
-        fault = _fault(name, path, data_dir)
+    def made(path: Path, mine: Path | None) -> Reach:
+        fault = _fault(path, data_dir)
         raw: dict[str, Any] = {}
         source = mine or configs or "the defaults"
         try:
@@ -103,12 +102,14 @@ def find_fleet(
             fault = fault or str(error)
         if estimators:
             raw = merged(raw, {"run": {"estimators": list(estimators)}})
-        return Reach(name, path, raw, str(source), ConfigError(fault) if fault else None)
+        return Reach(path, raw, str(source), ConfigError(fault) if fault else None)
 
-    reaches = [made(name, path, own.pop(name, None)) for name, path, holds in folders if holds or name in own]
+    reaches = [
+        made(path, own.pop(path.name, None)) for path, holds in folders.items() if holds or path.name in own
+    ]
     for name, path in own.items():
         missing = f"{path} is of a reach without directory of logs: {data_dir / name} does not exist"
-        reaches.append(Reach(name, data_dir / name, {}, str(path), NoDataError(missing)))
+        reaches.append(Reach(data_dir / name, {}, str(path), NoDataError(missing)))
     if not reaches:
         raise NoDataError(
             f"no reach in {data_dir}: a directory of logs is expected for each, {data_dir}/<reach>/"
@@ -117,7 +118,7 @@ def find_fleet(
 
 
 def holds_logs(folder: Path) -> bool:
-    """Whether a directory holds a log."""
+    """Whether a directory holds a log, or cannot be read: its run reports why."""
     try:
         with os.scandir(folder) as entries:
             return any(
@@ -125,12 +126,14 @@ def holds_logs(folder: Path) -> bool:
                 for e in entries
             )
     except OSError:
-        return True  # its run reports why it cannot be read
+        return True
 
 
-def _fault(name: str, path: Path, data_dir: Path) -> str:
+def _fault(path: Path, data_dir: Path) -> str:
+    """Why a directory cannot be a reach, or ""."""
     from rivid.logs.spec import shown
 
+    name = path.name
     if not NAME.fullmatch(name):
         return f"{shown(name)!r} cannot name a reach: expected at most 80 letters, digits, . _ -: rename it"
     if name in OWN:

@@ -28,9 +28,6 @@ WORST_FIRST = (1, 2, 11, 10, 3, 0)
 """Exit codes, the worst first: failure, wrong configuration, held by another run, no data, days
 failed in this run, all well."""
 
-MOST_FAILURES = 5
-"""Most failed days of the last week that are listed for a reach."""
-
 
 def band(days: Ints, values: Floats) -> dict[str, Any] | None:
     """Return the band of the year before the last week, and where the week lies.
@@ -57,43 +54,33 @@ def band(days: Ints, values: Floats) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of the run of one reach.
-
-    `code` is the exit code of `rivid run` of this reach alone, `error` why it could not be run, or empty. Of
-    its `data_sets`, `computed` were estimated in its last run; `dropped` of earlier runs have no logs any
-    more. `new_failures` of the `failures` are reported for the first time; `bad_files` are no logs.
-    `content` is a digest of the results, `first` and `last` are ISO dates of the record. `estimator` and
-    `quantity` (delay or t50) are those of the `band` (:func:`band`), `sample_time` is T_s [s]. Of the
-    `days_week` days of its last week with a row, `answered_week` have an answer, with the median
-    `week_median` [samples]. `moved` is whether the delay has moved in the last week, by
-    :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week less that
-    of the weeks before [samples], 0 without a test. `since` is the ISO date of a step in the last nine weeks
-    (:func:`rivid.report.summary.stepped`), of the size `change`, or empty. `recent` are failed days of its
-    last week and their messages.
-    """
+    """The outcome of the run of one reach."""
 
     reach: str
-    code: int
-    error: str = ""
+    code: int  # exit code of `rivid run` of this reach alone
+    error: str = ""  # why it could not be run
     data_sets: int = 0
-    computed: int = 0
-    dropped: int = 0
+    computed: int = 0  # data sets that were estimated in its last run
+    dropped: int = 0  # data sets of earlier runs that have no logs any more
     failures: int = 0
-    new_failures: int = 0
-    bad_files: int = 0
-    content: str = ""
-    first: str = ""
+    new_failures: int = 0  # of the failures, those reported for the first time
+    bad_files: int = 0  # files that are no logs
+    content: str = ""  # digest of the results
+    first: str = ""  # first and last day of the record, ISO dates
     last: str = ""
-    estimator: str = ""
+    estimator: str = ""  # estimator and quantity (delay or t50) of the band
     quantity: str = ""
-    sample_time: float = 0.0
-    answered_week: int = 0
-    days_week: int = 0
-    week_median: float | None = None
-    band: dict[str, Any] | None = None
+    sample_time: float = 0.0  # T_s [s]
+    answered_week: int = 0  # of the days with a row, those with an answer
+    days_week: int = 0  # days of its last week with a row
+    week_median: float | None = None  # of the answers of its last week [samples]
+    band: dict[str, Any] | None = None  # see :func:`band`
+    # whether the delay has moved in the last week (:func:`rivid.report.summary.trend`); None without a test
     moved: bool | None = None
+    # median of the last week less that of the weeks before [samples], 0 without a test; or that of the step
     change: float = 0.0
-    since: str = ""
+    since: str = ""  # ISO date of a step in the last nine weeks (:func:`rivid.report.summary.stepped`)
+    # the last five failed days of its last week, and their messages
     recent: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -117,7 +104,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
     values = np.full(len(dates), np.nan)
     if recent:
         values = np.where(recent.decided, recent.values if t50 else recent.estimator.delay, np.nan)
-    week = days > (days[-1] if len(days) else 0) - WEEK
+    week = days > days[-1:] - WEEK
     answers = values[week & np.isfinite(values)]
     failed: dict[str, str] = {}
     for one in results.estimators:
@@ -137,7 +124,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         week_median=float(np.median(answers)) if len(answers) else None, band=band(days, values),
         moved=trend["moved"] if trend else None,
         change=found[2] - found[1] if found else change, since=str(found[0]) if found else "",
-        recent=sorted(failed.items())[-MOST_FAILURES:],
+        recent=sorted(failed.items())[-5:],
     )  # fmt: skip
 
 

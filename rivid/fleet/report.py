@@ -21,12 +21,6 @@ SCHEMA_VERSION = 1
 SILENT_AFTER = 2
 """A reach is silent where its last log is so many days older than the fleet's latest, or more."""
 
-COMPARED = ("made", "contents", "data_sets_of")
-"""Of fleet.json: what the next report is compared with."""
-
-LISTS = ("failing", "left_band", "unanswered", "silent", "changed")
-"""Of fleet.json: names of the reaches to look at, by what happened."""
-
 FLEET, MEANINGS = described("""
 reach | text | | its name: that of its directory of logs
 code | whole | | exit code that its run alone would have
@@ -55,10 +49,8 @@ left_band | flag | | the delay has moved in the last week, by the test of the re
 def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str | None = None) -> dict[str, Any]:
     """Write the files of the fleet of that name and return the content of fleet.json.
 
-    It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
-    the last week), `unanswered` (no data set of the last week has an answer), `silent`, `changed`. Without a
-    name, the last report keeps its name and, if no reach has changed since, the report that it is compared
-    with. RividError where a file cannot be written.
+    Without a name, the last report keeps its name and, if no reach has changed since, the report that it is
+    compared with. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = read_json(out / "fleet.json")
@@ -71,7 +63,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str | None = None)
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
     write_csv(safe_for_spreadsheets(table, texts), out / "fleet.csv")
     found = {"name": name} | summary(outcomes, before)
-    write_page(out / "fleet.html", "fleet", _context(outcomes, found, before, name))
+    write_page(out / "fleet.html", "fleet", _context(outcomes, found, before))
     write_text(out / "fleet.json", json.dumps(found, indent=1, sort_keys=True) + "\n")
     return found
 
@@ -100,7 +92,7 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         ],
         "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
         "data_sets_of": {o.reach: o.data_sets for o in outcomes},
-        "before": {key: before[key] for key in COMPARED if key in before},
+        "before": {key: before[key] for key in ("made", "contents", "data_sets_of") if key in before},
     }
 
 
@@ -117,18 +109,17 @@ def _row(o: Outcome) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _context(
-    outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[str, Any], name: str
-) -> dict[str, Any]:
+def _context(outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[str, Any]) -> dict[str, Any]:
     had = before.get("data_sets_of") or {}
 
     def widths(o: Outcome) -> float:  # the change of the last week, in widths of the band
         return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
 
     of = {o.reach: o for o in outcomes}
-    chosen = {k: [of[reach] for reach in found[k]] for k in LISTS}
+    lists = ("failing", "left_band", "unanswered", "silent", "changed")
+    chosen = {name: [of[reach] for reach in found[name]] for name in lists}
     return {
-        "name": name,
+        "name": found["name"],
         "found": found,
         "made": minute(found["made"]),
         "since": minute(before.get("made", "")),

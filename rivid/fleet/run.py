@@ -27,8 +27,8 @@ def run_fleet(
     reaches: Sequence[Reach],
     out: Path,
     options: Options,
-    progress: Progress | None = None,
-    engine: Engine | None = None,
+    progress: Progress,
+    engine: Engine | None,
 ) -> Iterator[Outcome]:
     """Run every reach into OUT/<reach>, store its outcome, and yield it as the reach finishes.
 
@@ -51,9 +51,9 @@ def run_fleet(
             gone = {old.reach for old in kept(out)} - {reach.name for reach in reaches}
             for name in gone:  # their results stay
                 (out / FOLDER / f"{name}.json").unlink(missing_ok=True)
-        workers = engine.slots if engine else min(options.workers or cores(), max(len(reaches), 1))
+        workers = min(options.workers or cores(), max(len(reaches), 1))
         modules = [*ESTIMATING, "rivid.fleet.run", *(DRAWING if options.figures else ())]
-        with progress(len(reaches)) if progress and reaches else nullcontext(lambda _: None) as done:
+        with progress(len(reaches)) if reaches else nullcontext(lambda _: None) as done:
             with nullcontext(engine) if engine else processes(workers, modules) as executing:
                 for outcome in _run(reaches, out, options, executing):
                     done(1)

@@ -1,6 +1,7 @@
 """`rivid bounds`: the proposal, the keys that it lacks, and the limit of the order."""
 
 import json
+import re
 
 import pytest
 
@@ -93,6 +94,25 @@ def test_the_proposal_replaces_that_of_a_configuration(rivid, settings, tmp_path
     once = path.read_text()
     rivid("bounds", "--config", path, "--write", path)
     assert path.read_text() == once
+    path.write_text(once.replace("[jmap]", "[ jmap ]").replace("order =", "M ="))
+    assert rivid("bounds", "--config", path, "--write", path).code == 0 and path.read_text() == once
     new = tmp_path / "new.toml"
     rivid("bounds", "--config", path, "--write", new)
     assert load_config(new).jmap.d_max == proposal["d_max"]
+
+
+def test_a_proposal_that_is_written_again_has_its_remarks_once(rivid, settings):
+    path = settings()
+    for sample_time in (3600, 4000):  # longer than the wave's travel time
+        path.write_text(re.sub("sample_time = .*", f"sample_time = {sample_time}", path.read_text()))
+        assert rivid("bounds", "--config", path, "--write", path).code == 0
+    text = path.read_text()
+    assert text.count("# log every") == text.count("no delay can be resolved") == 1 and "4000 s: no" in text
+
+
+def test_settings_that_are_no_table_of_their_own_are_not_written(rivid, settings):
+    path = settings()
+    for line in ("jmap = { d_max = 3 }\n", "jmap.d_max = 3\n"):
+        path.write_text(given := line + REACH.format(9000))
+        done = rivid("bounds", "--config", path, "--write", path)
+        assert done.code == 2 and "has no line [jmap]" in str(done.exception) and path.read_text() == given

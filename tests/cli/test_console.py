@@ -1,5 +1,6 @@
 """Terminal output: eighty columns, colour on terminals only, less with --quiet, more with --verbose."""
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -189,6 +190,14 @@ def test_removed_estimators_and_settings_for_another_sample_time_are_named(rivid
         (tmp_path / "rivid.toml").write_text(reach.format(sample_time) + more)
         done = rivid("run", logs, "--out", tmp_path / f"out{k}", "--no-figures")
         assert ("`rivid bounds`" in done.stderr.replace("\n", " ")) is named, done.stderr
+
+
+def test_the_option_estimator_leaves_the_geometry_assumed(rivid, logs, tmp_path):
+    """All keys of [reach] counted as configured: Table I's geometry put delays of other reaches in doubt."""
+    for words in ((), ("--estimator", "jmap")):
+        assert rivid("run", logs, "--out", tmp_path / "out", "--no-figures", *words).code == 0
+        record = json.loads((tmp_path / "out" / "run.json").read_text())
+        assert record["assumed"] == ["length", "width", "depth"], words
 
 
 def test_a_list_of_estimators_is_answered_with_the_repeated_option(rivid, logs):
