@@ -6,7 +6,7 @@ from itertools import compress
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
+from rivid.check.record import BELIEVED, NEAR, Fit, Fits, Record, consecutive
 from rivid.types import Floats
 
 # Smallest shifts that are reported
@@ -28,8 +28,6 @@ OTHER_DAY, OTHER_DAY_EACH = 0.2, 0.12
 # Agreement between days
 ALIKE = 15 * 60.0
 """Lags that differ by less agree [s]."""
-NEAR = 20 * 60.0
-"""Lags within this distance of the usual ones count as usual [s]."""
 FEW = {"pool": 3, "river": 7}
 """Consecutive days that must agree: weather changes a single day, and a river's delay for some."""
 DENSE = 0.6
@@ -213,7 +211,10 @@ def _shifted(
     least = SMALLEST[record.reach.kind]
     for date, fit in believed.items():
         by_in, by_out = fit.lag_in - usual[0], fit.lag_out - usual[1]
-        if max(abs(by_in), abs(by_out)) < least or not _better(record, fits, date, usual):
+        if max(abs(by_in), abs(by_out)) < least:
+            continue
+        # its own lags must explain clearly more than the usual ones; a river's always vary
+        if record.balanced and fits.right[date].explained - fits.near(date, usual) <= GAIN:
             continue
         column, late = _late_column(record, by_in, by_out)
         if column and abs(late) >= least:
@@ -233,30 +234,14 @@ def _shifted(
     return found
 
 
-def _better(record: Record, fits: Fits, date: dt.date, usual: tuple[float, float]) -> bool:
-    """Return whether a day's own lags explain clearly more than the usual ones (a river's always vary)."""
-    if not record.balanced:
-        return True
-    sums = fits.sums(date)
-    if sums is None:
-        return False
-    return fits.right[date].explained - fits.best(sums, near=usual, within=NEAR).explained > GAIN
-
-
 def _with_quiet_days(
     record: Record, fits: Fits, usual: tuple[float, float], column: str, late: float, days: list[dt.date]
 ) -> list[dt.date]:
     """Return the days, and those between them that are too quiet for a fit of their own but agree."""
     shift = {"u_Qi": (-late, 0.0), "u_Qo": (0.0, -late)}.get(column, (late, late if record.balanced else 0.0))
     there = (usual[0] + shift[0], usual[1] + shift[1])
-    found = set(days)
-    for date in record.days if record.balanced else ():
-        sums = fits.sums(date) if min(days) <= date <= max(days) and date not in found else None
-        if sums is not None:
-            explained = [fits.best(sums, near=lags, within=NEAR).explained for lags in (there, usual)]
-            if explained[0] > explained[1]:
-                found.add(date)
-    return sorted(found)
+    between = [d for d in record.days if days[0] < d < days[-1] and d not in days] if record.balanced else []
+    return sorted([*days, *(date for date in between if fits.near(date, there) > fits.near(date, usual))])
 
 
 def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Finding]:

@@ -42,16 +42,16 @@ LEAP = 10.0
 """Moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted."""
 BELIEVED = 0.35
 """Smallest share of the variance of the output's moves that a believed fit explains."""
+NEAR = 20 * 60.0
+"""Lags within this distance of the usual ones count as usual [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Day:
     """Samples of a day."""
 
-    columns: dict[str, Kept]
-    """u_Qi, u_Qo [m3/s] where it is logged, and the output: h_L [m] or Q_L [m3/s]; each of shape (n,)."""
-    content: str
-    """Digest of the samples as they were read."""
+    columns: dict[str, Kept]  # (n,) each: u_Qi, u_Qo where it is logged, Q_L [m3/s], h_L [m]
+    content: str  # digest of the samples as they were read
 
     def __getitem__(self, name: str) -> Floats:
         return self.columns[name].astype(float)
@@ -76,21 +76,19 @@ class Record:
         if data.outflow is not None:
             columns["u_Qo"] = data.outflow
         digest = sha256(b"".join(columns[name].tobytes() for name in sorted(columns)))
-        kept = {name: self._coarser(values) for name, values in columns.items()}
-        if len(kept["u_Qi"]):
+        whole = len(data.inflow) // self.merged * self.merged
+        if whole:
+            kept = {
+                name: values[:whole].reshape(-1, self.merged).mean(axis=1).astype(np.float32)
+                for name, values in columns.items()
+            }
             self.days[data.date] = Day(kept, digest.hexdigest())
-
-    def _coarser(self, values: Floats) -> Kept:
-        if self.merged > 1:
-            whole = len(values) // self.merged * self.merged
-            values = values[:whole].reshape(-1, self.merged).mean(axis=1)
-        return values.astype(np.float32)
 
     @property
     def flows(self) -> list[str]:
         """Columns that are discharges."""
-        names = list(next(iter(self.days.values())).columns) if self.days else []
-        return [name for name in ("u_Qi", "u_Qo", "Q_L") if name in names]
+        columns = next(iter(self.days.values())).columns if self.days else {}
+        return [name for name in ("u_Qi", "u_Qo", "Q_L") if name in columns]
 
     @property
     def balanced(self) -> bool:
@@ -142,16 +140,11 @@ def consecutive(dates: Iterable[dt.date], among: Iterable[dt.date], gap: int = 1
 class Fit(NamedTuple):
     """The best pair of lags."""
 
-    explained: float
-    """Explained share of the variance of the output's moves [-]."""
-    lag_in: float
-    """From the move of the inflow to that of the output [s]."""
-    lag_out: float
-    """From the move of the outflow to that of the output [s]."""
-    gain_in: float
-    """[1/m2]; of a river [-]."""
-    gain_out: float
-    """[1/m2]; of a river 0."""
+    explained: float  # explained share of the variance of the output's moves [-]
+    lag_in: float  # from the move of the inflow to that of the output [s]
+    lag_out: float  # from the move of the outflow to that of the output [s]
+    gain_in: float  # [1/m2]; of a river [-]
+    gain_out: float  # [1/m2]; of a river 0
 
 
 NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
@@ -168,8 +161,7 @@ class Fits:
         self.record = record
         reach, step = record.reach, record.step
         try:
-            proposed = reach.proposal(step)
-            self.longest = min((proposed.d_max + 1) * step, LONGEST)
+            self.longest = min((reach.proposal(step).d_max + 1) * step, LONGEST)
         except ConfigError:
             self.longest = HOUR
         around = round(AROUND / step)
@@ -182,10 +174,8 @@ class Fits:
         self.reverse: dict[dt.date, Fit] = {}
         # the level of a pool without its outflow depends little on the inflow: operators hold it
         for date in record.days if record.balanced or reach.kind == "river" else ():
-            sums = self.sums(date)
-            if sums is not None:
-                self.right[date] = self.best(sums)
-                self.reverse[date] = self.best(sums, -1)
+            if (sums := self.sums(date)) is not None:
+                self.right[date], self.reverse[date] = self.best(sums), self.best(sums, -1)
 
     @cached_property
     def together(self) -> tuple[Fit, Fit]:
@@ -253,13 +243,13 @@ class Fits:
         windows: NDArray[np.float64] = sliding_window_view(moves, n)
         return windows[before - lags], max(int(lags[-1]) - left, 0), min(n, n + right + int(lags[0]))
 
-    def best(
-        self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None, within: float = 0.0
-    ) -> Fit:
-        """Return the pair of lags that explains most, with c_i > 0 > c_o (`sign` 1) or the reverse (-1).
+    def near(self, date: dt.date, lags: tuple[float, float]) -> float:
+        """Return the explained share of a day by lags near these [s]; 0 where it has no sums."""
+        sums = self.sums(date)
+        return 0.0 if sums is None else self.best(sums, near=lags).explained
 
-        With `near`, the pair must lie `within` that many seconds of these lags [s].
-        """
+    def best(self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None) -> Fit:
+        """Return the pair of lags, near these [s], that explains most, with c_i > 0 > c_o if `sign` is 1."""
         yy, with_in, with_out, of_in, of_out, between = sums
         if yy <= 0:
             return NO_FIT
@@ -278,8 +268,8 @@ class Fits:
         explained = (c_in * with_in[:, None] + c_out * with_out) / yy
         step = self.record.step
         if near is not None:
-            off = np.abs(self.inflow * step - near[0])[:, None] <= within
-            sound &= off & (np.abs(self.outflow * step - near[1]) <= within)
+            sound &= np.abs(self.inflow * step - near[0])[:, None] <= NEAR
+            sound &= np.abs(self.outflow * step - near[1]) <= NEAR
         if not sound.any():
             return NO_FIT
         explained = np.where(sound, explained, -1.0)

@@ -14,6 +14,7 @@ from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
+from typing import NoReturn
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -110,7 +111,7 @@ def find_days(
     paths = _candidates(root, place)
     within = None if root.is_file() else os.path.realpath(root)
     spec = spec_of(config)
-    settings = spec.digest
+    known = {} if verify or known is None else known
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
     # of each day: the parts that make it; those of a row at its midnights alone; the next day's file
@@ -118,7 +119,7 @@ def find_days(
     for path in paths:
         name = path.name
         try:
-            files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
+            files[name] = facts = _look(path, within, spec, known.get(name))
         except DataError as error:
             reason = str(error).removeprefix(shown(name)).lstrip(" ,:")  # both are shown together
             bad.append((shown(name), reason or str(error)))
@@ -153,7 +154,7 @@ def look_ahead(path: Path, config: Config) -> FileFacts | None:
     """The facts of a file in DATA_DIR, in a worker; None where :func:`find_days` has to report an error."""
     try:
         spec = spec_of(config)
-        return _look(path, os.path.realpath(path.parent), spec, spec.digest, None, False)
+        return _look(path, os.path.realpath(path.parent), spec, None)
     except (RividError, OSError, ValueError, MemoryError):
         return None
 
@@ -179,40 +180,37 @@ def _candidates(root: Path, name: str) -> list[Path]:
     return [root / name for name in names if suffix_of(name) and not name.startswith(".")]
 
 
-def _look(
-    path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
-) -> FileFacts:
+def _look(path: Path, inside: str | None, spec: Spec, known: FileFacts | None) -> FileFacts:
     """The facts of a file; a link must not lead out of `inside`."""
     try:
-        status = os.lstat(path)
-        if stat.S_ISLNK(status.st_mode):
-            if inside is not None and not Path(os.path.realpath(path, strict=True)).is_relative_to(inside):
+        if inside is not None and path.is_symlink():
+            if not Path(os.path.realpath(path, strict=True)).is_relative_to(inside):
                 raise DataError(
                     "is a link that leads out of the directory of logs: put the file itself there"
                 )
-            status = os.stat(path)
+        status = path.stat()
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
     if not stat.S_ISREG(status.st_mode):
         folder = stat.S_ISDIR(status.st_mode)
         raise DataError("is a directory: expected a file" if folder else "is not a regular file")
-    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     date = _date_of(path.name) if is_day_file(path.name) else None
-    if known is not None and not verify and _is_known(status, known):
-        if known.settings == settings and (date is not None or known.days is not None):
+    if known is not None and _is_known(status, known) and known.settings == spec.digest:
+        if date is not None or known.days is not None:
             return known
+    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     if date is not None:
         digest, rows = _hash(path, status.st_size)
         few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
         edge = spec.latest and few and _is_edge(path, spec, date)
-        return FileFacts(*stamp, digest, {} if edge else None, settings)
+        return FileFacts(*stamp, digest, {} if edge else None, spec.digest)
     log = load(path, shown(path.name), spec, fresh=True)
     dates = log.dates()
     if not dates:
         raise DataError("has no values in the required columns")
     days = {date.isoformat(): log.digest_of(date) for date in dates}
     edges = [date.isoformat() for date in dates if log.is_edge(date)]
-    return FileFacts(*stamp, log.digest, days, settings, edges)
+    return FileFacts(*stamp, log.digest, days, spec.digest, edges)
 
 
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
@@ -294,7 +292,8 @@ def sampled(
             _refuse_supposed(times, signal, spec)
         samples[signal.name], bridged = on_grid(times, values, grid, signal, spec)
         filled |= bridged
-    _refuse_filled(filled, series, spec)
+    if filled.mean() > spec.input.max_filled:
+        _refuse_filled(float(filled.mean()), series, spec)
     return samples, int(filled.sum())
 
 
@@ -373,11 +372,8 @@ def _refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
         )
 
 
-def _refuse_filled(filled: Bools, series: TimedValues, spec: Spec) -> None:
+def _refuse_filled(share: float, series: TimedValues, spec: Spec) -> NoReturn:
     """Raise DataError for a data set of which too much was bridged."""
-    share = float(filled.mean())
-    if share <= spec.input.max_filled:
-        return
     text = f"{share:.0%} of the samples lie in gaps (limit {spec.input.max_filled:.0%}, [input] max_filled)"
     steps = {
         signal.name: int(np.median(np.diff(times))) if len(times := series[signal.name][0]) > 1 else 0
@@ -466,7 +462,7 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
     if not all(len(times) for times, _ in series.values()):
         raise DataError(f"the log of {source.date} has an empty column")
     times, begin = series["u_Qi"][0], max(int(times[0]) for times, _ in series.values())
-    spacing = next(signal.spacing for signal in spec.signals if signal.name == "u_Qi")
+    spacing = spec.signals[0].spacing  # of u_Qi
     pause = spacing + min(spec.max_gap, round(spec.input.max_filled * length))
     spans = []
     for part in np.split(times, np.flatnonzero(np.diff(times) > pause) + 1):
@@ -543,14 +539,12 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
         path, *_ = days[at].parts[0]
         try:
             load(folder / path, shown(path), spec)
+            return
         except ColumnError as error:
             reasons.append(str(error))
         except DataError:
             return  # the day's own fault
-        else:
-            return
-    if reasons:
-        raise ConfigError(min(reasons))
+    raise ConfigError(min(reasons))
 
 
 def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | None) -> DataSet:
@@ -560,9 +554,8 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
     for k, ((_, end), (start, _)) in enumerate(pairwise(bounds)):
         if end != start:
             a, b = sources[k].date, sources[k + 1].date
-            if b - a == ONE_DAY:
-                raise DataError(f"{a} and {b} {OFFSETS}")
-            raise DataError(f"{a} and {b} are not consecutive days")
+            why = OFFSETS if b - a == ONE_DAY else "are not consecutive days"
+            raise DataError(f"{a} and {b} {why}")
     series = {name: _join([day[name] for day, _ in days]) for name in days[0][0]}
     start, end = span or (bounds[0][0], bounds[-1][1])
     if span:
@@ -581,8 +574,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
 
 def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[TimedValues, dt.tzinfo]:
     """The series of a day from all its files."""
-    date = source.date
-    logs = []
+    date, logs = source.date, []
     for part in source.parts:
         if source.closing(path := part[0]):
             continue
@@ -604,14 +596,15 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
         paths = " and ".join(log.name for log in logs)
         series = {name: _merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
     for part in source.parts:
-        if source.closing(part[0]):
-            try:
-                log = _as_listed(root, part, date, spec)
-            except ChangedError:
-                raise
-            except DataError:
-                continue  # the next day's fault: without its row, the gap at the end decides
-            series = _closed(series, log, logs[0].bounds(date)[1])
+        if not source.closing(part[0]):
+            continue
+        try:
+            log = _as_listed(root, part, date, spec)
+        except ChangedError:
+            raise
+        except DataError:
+            continue  # the next day's fault: without its row, the gap at the end decides
+        series = _closed(series, log, logs[0].bounds(date)[1])
     return series, zone
 
 
@@ -633,28 +626,26 @@ def _merge(
     times, values = _join(parts)
     order = np.argsort(times, kind="stable")
     times, values = times[order], values[order]
-    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
-    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
-    if len(conflict):
+    again = np.flatnonzero(np.diff(times) == 0) + 1
+    if len(conflict := again[values[again] != values[again - 1]]):
         i = int(conflict[0])
         moment = clock(int(times[i]), zone, with_date=True)
         raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
-    if repeated.any():
-        notes[f"values of {name} in two files"] += int(repeated.sum())
-    return times[~repeated], values[~repeated]
+    if len(again):
+        notes[f"values of {name} in two files"] += len(again)
+    return np.delete(times, again), np.delete(values, again)
 
 
 def _closed(series: TimedValues, log: Log, end: int) -> TimedValues:
     """A day with the rows of the next day's log that belong to it; those of its own come first."""
-    closed = {}
+    closed = dict(series)
     for name, (times, values) in log.closing(end).items():
-        own = series[name]
-        new = times > own[0][-1] + log.spec.tolerance if len(own[0]) else np.ones(len(times), bool)
-        closed[name] = _join([own, (times[new], values[new])]) if new.any() else own
-    if any(closed[name] is not series[name] for name in closed):
-        for fault in log.faults:
-            if fault.at < end + log.spec.latest:
-                raise DataError(f"{log.name}, {fault.text}")
+        own, _ = series[name]
+        first = int(times.searchsorted(own[-1] + log.spec.tolerance, side="right")) if len(own) else 0
+        if first < len(times):
+            closed[name] = _join([series[name], (times[first:], values[first:])])
+            if log.faults and log.faults[0].at < end + log.spec.latest:
+                raise DataError(f"{log.name}, {log.faults[0].text}")
     return closed
 
 

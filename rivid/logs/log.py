@@ -232,7 +232,7 @@ def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
         if watch or any(cells):
             reader.row(number, list(cells))
         else:
-            reader.empty.append(reader.count)
+            reader.dropped["empty rows"].append(reader.count)
     read, zone = reader.table(), getattr(kinds[0], "tz", None)
     if _fixed_offset(zone) is None:
         read.parts = [replace(columns, zone=zone) for columns in read.parts]
@@ -240,20 +240,20 @@ def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
 
 
 def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
-    kind, texts = column.type, []
+    kind = column.type
     if pa.types.is_timestamp(kind):  # Python has no nanoseconds
         column = column.cast(pa.timestamp("us", tz=kind.tz), safe=False)
     elif pa.types.is_decimal(kind):
         column = column.cast(_FLOAT, safe=False)
-    for cell in column.to_pylist():
-        if cell is None:
-            text = ""
-        elif isinstance(cell, float):
-            text = "" if cell != cell else repr(cell).replace(".", decimal)
-        else:
-            text = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
-        texts.append(text.strip())
-    return texts
+
+    def text(cell: Any) -> str:
+        if cell is None or cell != cell:
+            return ""
+        if isinstance(cell, float):
+            return repr(cell).replace(".", decimal)
+        return cell.isoformat() if hasattr(cell, "isoformat") else str(cell).strip()
+
+    return [text(cell) for cell in column.to_pylist()]
 
 
 def _as_numbers(table: pa.Table, spec: Spec) -> Table:
@@ -268,10 +268,8 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
     empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
-    for i in np.flatnonzero(empty).tolist():
-        bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
-    faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)]
+    faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad) if not empty[i]]
     if not len(rows):
         return Table([], faults[0].text if faults else "a header and no rows")
     columns = Columns(
@@ -281,7 +279,7 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
         {column: values[rows] for column, values in numbers.items()},
         range(1, len(rows) + 1) if len(rows) == len(good) else (rows + 1).tolist(),
         bad=faults,
-        dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
+        dropped={"empty rows": before[empty].tolist()},
         zone=zone if offset is None else None,
         unit="row",
     )
@@ -290,10 +288,11 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
 
 def _times(column: pa.ChunkedArray, spec: Spec, bad: dict[int, str]) -> tuple[Ints, str | None]:
     """Times [us], and their zone: that of the timestamps, or UTC of counts."""
-    zone = column.type.tz if pa.types.is_timestamp(column.type) else "UTC"
     if pa.types.is_timestamp(column.type):
+        zone = column.type.tz
         micros = column.cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
     else:
+        zone = "UTC"
         micros = np.rint(column.cast(_FLOAT, safe=False).to_numpy() * UNIX[spec.input.time_format or ""])
     known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
     _mark(np.isnan(micros), bad, "no time")
@@ -354,8 +353,7 @@ class Log:
     def bounds(self, date: dt.date) -> tuple[int, int]:
         """A local day's rows are those from the first instant on, before the second [us]."""
         start, end = day_bounds(date, self.zone)
-        early = self.spec.tolerance
-        return start - early, end - early
+        return start - self.spec.tolerance, end - self.spec.tolerance
 
     def of_day(self, date: dt.date) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that belongs to a local day."""
@@ -373,8 +371,7 @@ class Log:
     def faults_of(self, date: dt.date) -> list[Fault]:
         """The faults of a local day, those of the rows that close it included."""
         start, end = self.bounds(date)
-        end += self.spec.latest
-        return [fault for fault in self.faults if start <= fault.at < end]
+        return [fault for fault in self.faults if start <= fault.at < end + self.spec.latest]
 
     def events_of(self, date: dt.date) -> dict[str, int]:
         """How much was masked, dropped or sorted on a local day."""
@@ -407,9 +404,8 @@ def cut(times: Ints, values: Floats, start: int, end: int) -> tuple[Ints, Floats
 
 def at_midnights(stamps: Ints, faults: Sequence[Fault], start: int, end: int, spec: Spec) -> bool:
     """Whether stamps (n,) of a day's bounds [us UTC] are those of rows at its midnights alone."""
-    if 2 * max(signal.spacing for signal in spec.signals) > end - start:
-        return False  # a row is much of a day
-    if any(start <= fault.at < end for fault in faults):
+    much_of_a_day = 2 * max(signal.spacing for signal in spec.signals) > end - start
+    if much_of_a_day or any(start <= fault.at < end for fault in faults):
         return False
     low, high = stamps.searchsorted((start + max(2 * spec.tolerance + 1, spec.latest), end))
     return bool(low == high)
@@ -444,8 +440,8 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
         except MemoryError:
             raise DataError(f"{name} does not fit into memory ({status.st_size / 1e6:,.0f} MB)") from None
     _kept[key] = log
-    while len(_kept) > KEPT_FILES or (
-        len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
+    while len(_kept) > 2 and (
+        len(_kept) > KEPT_FILES or sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
     ):
         del _kept[next(iter(_kept))]
     return log
@@ -495,7 +491,7 @@ def table_of(
             at = names.index(source)
             table.units[source] = next((row[at] for row in rows if at < len(row) and row[at]), "")
     table.name, table.footers = name, footers
-    for columns in table.parts if footers else ():
+    for columns in table.parts:
         columns.dropped["footer rows"] = [len(columns.times)] * footers
     return table
 
@@ -510,39 +506,30 @@ def make_log(table: Table, spec: Spec) -> Log:
     times, faults = in_utc(columns, zone, spec)  # faults are at a row
     values = {signal.name: _total(signal, columns, spec, events) for signal in spec.signals}
     faults += suspect(columns, times, spec, zone)
-    last = len(times) - 1
-    faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
-    dropped = {"flagged values": [row + 1 for row, _ in columns.flagged], **columns.dropped}
-    for kind, rows in dropped.items():
-        events.setdefault(f"{kind} dropped", []).extend(min(max(row - 1, 0), last) for row in rows)
-
-    steps = np.diff(times)
-    order = np.argsort(times, kind="stable") if (steps < 0).any() else None
-    if order is not None:
-        late = np.flatnonzero(times < np.maximum.accumulate(times))
-        events["rows out of order sorted"] = late.tolist()
+    faults += [bad._replace(at=max(bad.at - 1, 0)) for bad in columns.bad]
+    events["flagged values dropped"] = [row for row, _ in columns.flagged]
+    events |= {f"{kind} dropped": [max(n - 1, 0) for n in before] for kind, before in columns.dropped.items()}
+    events["rows out of order sorted"] = np.flatnonzero(times < np.maximum.accumulate(times)).tolist()
     timed = {kind: np.sort(times[rows]) for kind, rows in events.items() if rows}
-    dated = [Fault(int(times[fault.at]), fault.text, fault.cut) for fault in faults]
-    if order is not None:
-        times, values = times[order], {name: column[order] for name, column in values.items()}
-        steps = np.diff(times)
-    again = np.flatnonzero(steps == 0) + 1
+    dated = [fault._replace(at=int(times[fault.at])) for fault in faults]
+
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], {name: column[order] for name, column in values.items()}
+    again = np.flatnonzero(np.diff(times) == 0) + 1
     if len(again):
         timed["duplicates dropped"] = times[again]
     series = {}
     for signal in spec.signals:
         column, own = values[signal.name], times - signal.shift if signal.shift else times
         there = np.flatnonzero(np.isfinite(column))
-        if len(again):  # values that agree, or are there only once, are joined
-
-            def place(row: int) -> str:
-                return columns.place(row if order is None else int(order[row]))
-
-            twice, found = repeated(signal.name, times, column, there, zone, place)
-            dated += found
-            there = np.delete(there, twice)
+        # values that agree, or are there only once, are joined
+        twice, found = repeated(
+            signal.name, times, column, there, zone, lambda row: columns.place(int(order[row]))
+        )
+        dated += found
+        there = np.delete(there, twice)
         series[signal.name] = (own, column) if len(there) == len(own) else (own[there], column[there])
-    times = np.delete(times, again) if len(again) else times
+    times = np.delete(times, again) if len(again) else times  # mostly shared with the series
     return Log(table.name, spec, zone, times, series, tuple(sorted(dated)), timed, table.digest)
 
 

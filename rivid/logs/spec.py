@@ -120,7 +120,7 @@ class Spec:
         """How long after a day's end its values may be stamped [us]."""
         return max(signal.shift for signal in self.signals)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Changes whenever a file would be read otherwise."""
         return sha256(repr(self).encode()).hexdigest()

@@ -328,18 +328,13 @@ def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
     if not given.footer_rows:
         return content, 0
     begin = max(body, len(content) - TAIL)
-    tail = content[begin:].decode("utf-8", "surrogateescape")
-    lines = LINE.split(tail)
-    known = 1 if begin > body else 0  # the first line may be a part of one
+    starts = [begin, *(match.end() for match in _LINE_END.finditer(content, begin))]
+    lines = [line.decode("utf-8", "replace") for line in _LINE_END.split(content[begin:])]
+    known = int(begin > body)  # the first line may be a part of one
     time_at = [names.index(name) for name in spec.time]
     found = footer_lines(lines[known:], time_at, given.separator, given.time_format, given.comment)
     found = found[-given.footer_rows :]
-    if not found:
-        return content, 0
-    behind = known + found[0]
-    ends = [match.end() for match in LINE.finditer(tail)]
-    kept = tail[: ends[behind - 1] if behind else 0]
-    return content[: begin + len(kept.encode("utf-8", "surrogateescape"))], len(found)
+    return (content[: starts[known + found[0]]], len(found)) if found else (content, 0)
 
 
 def read_lines(
@@ -386,7 +381,6 @@ class RowReader:
         self.names, self.spec, self.unit = names, spec, unit
         self.time_at = [at(name) for name in spec.time]
         self.reader = NumberReader(given.missing, given.decimal, given.thousands)
-        self.good = frozenset(given.good)
         self.zone_at = at(given.zone_column) if given.zone_column else -1
         self.tag_at = [at(name) for name in spec.tags]
         self.pattern = re.compile(given.tag_pattern) if given.tag_pattern else None
@@ -403,20 +397,17 @@ class RowReader:
         self.rows: dict[str, list[Row]] = {group: [] for group in self.columns}
         self.bad: dict[str, list[Fault]] = {group: [] for group in self.columns}
         self.why: dict[str, dict[int, str]] = {name: {} for name in self.cells}
-        self.group = None if spec.long else ""
-        """Of the row that is read, or was read last."""
+        self.group = None if spec.long else ""  # of the row that is read, or was read last
         self.unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), -1)
         self.block_unit = self.first_fault = ""
         self.counts = Table([])
-        self.repeated: list[int] = []
-        self.empty: list[int] = []
-        self.count = 0
+        self.dropped: dict[str, list[int]] = {"repeated headers": [], "empty rows": []}
+        self.count = 0  # of usable rows
+        # length of the shortest last cell of a row, and whether only that of this row is so short
         self.shortest, self.shorter = _ENDLESS, False
-        """Length of the shortest last cell of a row, and whether only that of this row is so short."""
-        self.unended = False
-        """Whether the line that is read is the last one and has no line break."""
+        self.unended = False  # whether the line that is read is the last one and has no line break
+        # first line below the last one with a time, and number of these lines with those declared
         self.footer = _ENDLESS, 0
-        """First line below the last one with a time, and number of these lines with those declared."""
         read = {*spec.time, *self.cells, given.zone_column, given.value, *spec.tags, *spec.flags.values()}
         unread = [i for i, name in enumerate(names) if watch and name and name not in read]
         self.watched: dict[int, set[str] | None] = {i: set() for i in unread}
@@ -446,12 +437,12 @@ class RowReader:
             self.counts.rows += 1
             return self.refuse(number, "a quotation mark is not closed")
         if not any(cells):
-            return self.empty.append(self.count)  # spreadsheets leave such rows at the end
+            return self.dropped["empty rows"].append(self.count)  # spreadsheets leave such rows at the end
         self.shorter = len(cells[-1]) < self.shortest < _ENDLESS
         self.shortest = min(self.shortest, len(cells[-1]))
         if tuple(cells) == self.names:
             if self.spec.input.repeated_header == "drop":
-                return self.repeated.append(self.count)
+                return self.dropped["repeated headers"].append(self.count)
             advice = 'several exports in one file? If so, set [input] repeated_header = "drop"'
             return self.refuse(number, f"the header again: {advice}")
         if len(cells) != len(self.names):
@@ -469,7 +460,7 @@ class RowReader:
                 return
             self.group = tag
         for i, texts in self.watched.items():
-            if texts is not None and cells[i] not in texts:
+            if texts is not None:
                 texts.add(cells[i])
                 if len(texts) > MANY_TEXTS:
                     self.watched[i] = None
@@ -488,27 +479,25 @@ class RowReader:
         self._keep(number, cells, time)
 
     def _keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:
-        """Take the values of a row.
-
-        The last line may be cut off: it is taken as such where its last cell is shorter than that of every
-        other row. A last cell that lost digits and is still as long as another row's looks whole.
-        """
+        """Take the values of a row."""
+        given = self.spec.input
         assert self.group is not None
         rows, values, why = self.rows[self.group], [], {}
         for column in self.columns[self.group]:
             at, flag_at = self.cells[column]
             value = self.reader.read(cells[at])
             if value is None:
-                shown = self.spec.input.value if self.spec.long else column
-                return self.refuse(number, self.reader.refusal(shown, cells[at]))
+                name = given.value if self.spec.long else column
+                return self.refuse(number, self.reader.refusal(name, cells[at]))
             if value != value:
                 why[column] = cells[at]
-            elif flag_at >= 0 and cells[flag_at] not in self.good:
+            elif flag_at >= 0 and cells[flag_at] not in given.good:
                 value = NAN
                 why[column] = FLAG + cells[flag_at]
             values.append(value)
+        # the last line may be cut off: one that is as long as another row looks whole
         if self.unended and self.shorter:
-            text = self.spec.input.separator.join(cells)[-40:]
+            text = given.separator.join(cells)[-40:]
             return self.refuse(number, f"{text!r} is cut off: the log does not end with a line break")
         for column, text in why.items():
             self.why[column][len(rows)] = text
@@ -534,12 +523,11 @@ class RowReader:
         return f"{text[:40]!r}: {lines} no data: set [input] footer_rows = {count}"
 
     def _ragged(self, cells: list[str]) -> str:
-        count = len(cells)
+        count, mark = len(cells), cells[0][:1]
         reason = f"{count} field{'s' * (count != 1)} where the header has {len(self.names)}"
         if self.spec.input.separator == "," and count > len(self.names):
             reason += ' (decimal commas? The cells must then be quoted, and [input] decimal = ",")'
-        if cells[0][:1] in ("#", "!", "%", "*"):
-            mark = cells[0][0]
+        if mark in ("#", "!", "%", "*"):
             reason += f': if lines that begin with "{mark}" hold no data, set [input] comment = "{mark}"'
         return reason
 
@@ -556,7 +544,7 @@ class RowReader:
     def table(self) -> Table:
         """All rows as arrays; DataError for a mix of times with and without offset."""
         table = self.counts
-        table.headers, table.empty = len(self.repeated), len(self.empty)
+        table.headers, table.empty = map(len, self.dropped.values())
         table.cells = {self.names[i]: texts for i, texts in self.watched.items()}
         table.parts = [self._part(group) for group, rows in self.rows.items() if rows]
         if not table.parts:
@@ -571,7 +559,7 @@ class RowReader:
             kind = "has an offset" if aware[odd] else "has no offset"
             places = [f"{self.unit} {lines[i]}" for i in (odd, 0)]
             raise DataError(f"{places[0]}: its time {kind}, unlike {places[1]}'s: expected one kind")
-        names, dropped = self.columns[group], {"repeated headers": self.repeated, "empty rows": self.empty}
+        names = self.columns[group]
         return Columns(
             np.array(times, np.int64),
             aware[0],
@@ -579,7 +567,7 @@ class RowReader:
             dict(zip(names, np.array(values, np.float64).T.copy(), strict=True)),
             lines,
             bad=self.bad[group],
-            dropped={kind: rows for kind, rows in dropped.items() if rows},
+            dropped=self.dropped,
             unit=self.unit,
             why={name: self.why[name] for name in names},
         )
@@ -587,9 +575,9 @@ class RowReader:
     def _lacking(self) -> str:
         if not self.spec.long:
             return "a header and no rows"
-        there = ", ".join(repr(tag[:40]) for tag in list(self.counts.others)[:12]) or "none"
         where = "in column " + " ".join(self.spec.tags) if self.tag_at else "above the rows"
         if not self.tag_at and self.pattern is None:
             where = "from the file's name (no [input] tag or tag_pattern is set)"
+        there = ", ".join(repr(tag[:40]) for tag in list(self.counts.others)[:12]) or "none"
         wanted = ", ".join(self.rows)
         return f"no row of {wanted}; tags {where}: {there}: set [input] u_Qi and the like to these"
