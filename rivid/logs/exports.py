@@ -136,33 +136,28 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
 
     UndeclaredError where the zone is unknown or differs between files.
     """
-    zone = _one_zone(tables, spec)
+    parts = [(table.name, columns) for table in tables for columns in table.parts]
+    zones = {zone_of(columns, spec, file): file for file, columns in parts}
+    zone, *_ = zones
+    if len({day_bounds(dt.date(2000, 1, 1), each) for each in zones}) > 1:
+        one, other, *_ = zones.values()
+        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
     faults: list[Fault] = []
     pieces: dict[str, list[_Piece]] = {source: [] for source in spec.sources}
-    for table in tables:
-        for columns in table.parts:
-            times, wrong = in_utc(columns, zone, spec)
-            rows = [fault.at for fault in wrong]
-            wrong += suspect(columns, times, spec, zone)
-            # of a row that cannot be read the day is not known: it counts for those of both neighbours
-            wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
-            last = len(times) - 1
-            dated = {(int(times[min(max(f.at, 0), last)]), f"{table.name}, {f.text}", f.cut) for f in wrong}
-            faults += [Fault(*fault) for fault in dated]
-            for name in columns.numbers:
-                piece = _piece(name, columns, times, table.name, spec)
-                piece[-1][rows] = ValueStatus.TIME
-                pieces[name].append(piece)
+    for file, columns in parts:
+        times, wrong = in_utc(columns, zone, spec)
+        rows = [fault.at for fault in wrong]
+        wrong += suspect(columns, times, spec, zone)
+        # of a row that cannot be read the day is not known: it counts for those of both neighbours
+        wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
+        places = [int(times[min(max(fault.at, 0), len(times) - 1)]) for fault in wrong]
+        faults += {Fault(at, f"{file}, {f.text}", f.cut) for at, f in zip(places, wrong, strict=True)}
+        for name in columns.numbers:
+            piece = _piece(name, columns, times, file, spec)
+            piece[-1][rows] = ValueStatus.TIME
+            pieces[name].append(piece)
     series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
     return zone, series, sorted(faults)
-
-
-def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
-    zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
-    if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
-        one, other = list(zones.values())[:2]
-        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
-    return next(iter(zones))
 
 
 def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _Piece:
@@ -191,8 +186,7 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
     again, found = repeated(name, times, values, there, zone, place)
     faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
-    unreadable = sum(len(columns.bad) for columns in all_columns)
-    return Series(name, times, values, statuses, unsorted, unreadable)
+    return Series(name, times, values, statuses, unsorted, sum(len(columns.bad) for columns in all_columns))
 
 
 def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
@@ -202,33 +196,28 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
     """
     sources = {}
     for one in series:
-        kinds, counts = np.unique(one.statuses, return_counts=True)
-        count = Counter(dict(zip(kinds.tolist(), counts.tolist(), strict=True)))
-        count[ValueStatus.UNREADABLE] += one.unreadable
+        used, *dropped = np.bincount(one.statuses, minlength=len(ValueStatus)).tolist()
+        dropped[-1] += one.unreadable
         sources[one.name] = {
-            "read": count.total(),
-            "used": count[ValueStatus.USED],
-            "dropped": {word: count[status] for status, word in enumerate(REASONS, 1) if count[status]},
+            "read": used + sum(dropped),
+            "used": used,
+            "dropped": {reason: count for reason, count in zip(REASONS, dropped, strict=True) if count},
             "sorted": one.unsorted,
         }
-    flags: Counter[str] = Counter()
-    files = []
-    for table in tables:
-        for columns in table.parts:
-            flags.update(flag for _, flag in columns.flagged)
-        good = sum(len(columns.times) for columns in table.parts)
-        files.append(
-            {
-                "file": table.name,
-                "rows": table.rows,
-                "unreadable_rows": table.rows - table.others.total() - good,
-                "comment_lines": table.comments,
-                "repeated_headers": table.headers,
-                "empty_lines": table.empty,
-                "footer_lines": table.footers,
-                "rows_of_other_tags": dict(table.others),
-            }
-        )
+    files = [
+        {
+            "file": table.name,
+            "rows": table.rows,
+            "unreadable_rows": table.rows - table.others.total() - sum(len(c.times) for c in table.parts),
+            "comment_lines": table.comments,
+            "repeated_headers": table.headers,
+            "empty_lines": table.empty,
+            "footer_lines": table.footers,
+            "rows_of_other_tags": dict(table.others),
+        }
+        for table in tables
+    ]
+    flags = Counter(flag for table in tables for columns in table.parts for _, flag in columns.flagged)
     return {"sources": sources, "flags": dict(flags), "files": files}
 
 
@@ -304,31 +293,25 @@ class Canonical:
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
     """The canonical columns; statuses of values that lack a partner in every sum are set."""
-    matched = {name: np.zeros(len(s.times), bool) for name, s in series.items()}
+    usable = {name: np.flatnonzero(one.statuses == ValueStatus.USED) for name, one in series.items()}
+    for name, rows in usable.items():
+        series[name].statuses[rows] = ValueStatus.UNMATCHED
     columns = []
     for signal in spec.signals:
-        parts = [series[name] for name in signal.sources]
+        parts = [(series[name], usable[name]) for name in signal.sources]
         if signal.hold:
             signal = replace(signal, spacing=round(spec.period * MICRO), shift=0)
             # a flag, sentinel or status ends what was held before
             no_report = (ValueStatus.DUPLICATE, ValueStatus.TIME)
-            reports = [(part, np.flatnonzero(~np.isin(part.statuses, no_report))) for part in parts]
-            columns.append(Canonical(signal, np.empty(0, np.int64), np.empty(0), reports))
-            for part in parts:
-                matched[part.name][:] = True
-            continue
-        rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
-        stamps = [part.times[there] for part, there in zip(parts, rows, strict=True)]
-        common = reduce(np.intersect1d, stamps)
-        kept = [there[np.isin(times, common)] for times, there in zip(stamps, rows, strict=True)]
-        origins = list(zip(parts, kept, strict=True))
-        for part, there in origins:
-            matched[part.name][there] = True
-        total = reduce(np.add, [part.values[there] for part, there in origins])
-        columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
-    for name, found in matched.items():
-        alone = ~found & (series[name].statuses == ValueStatus.USED)
-        series[name].statuses[alone] = ValueStatus.UNMATCHED
+            origins = [(part, np.flatnonzero(~np.isin(part.statuses, no_report))) for part, _ in parts]
+            columns.append(Canonical(signal, np.empty(0, np.int64), np.empty(0), origins))
+        else:
+            common = reduce(np.intersect1d, [part.times[rows] for part, rows in parts])
+            parts = origins = [(part, rows[np.isin(part.times[rows], common)]) for part, rows in parts]
+            total = reduce(np.add, [part.values[rows] for part, rows in origins])
+            columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
+        for part, rows in parts:
+            part.statuses[rows] = ValueStatus.USED
     return columns
 
 
@@ -394,8 +377,9 @@ def judge(
     series = {name: (times, values) for name, (times, values, _) in parts.items()}
     origins = [origin for _, _, found in parts.values() for origin in found]
     rows = series, origins, [r for column in columns for r in column.reports_within(grid)]
-    day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
+    low, high = grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest
     own, given = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high], spec.input.time_zone
+    day = DayResult(date)
     if own:
         more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
         day.status, day.reason = "refused", f"{own[0].text}{more}"
@@ -489,8 +473,7 @@ def ingest(
     configuration of the logs goes to `run_config` (default: ``<out>_run.toml``). One that this function wrote
     is written again where nothing but that changes; where logs differ, or the file was edited, it stays.
     ConfigError where the exports are not as declared, or something in place must not be overwritten;
-    DataError where a file cannot be read; NoDataError where the exports hold no value of the required
-    columns.
+    DataError where a file cannot be read.
     """
     spec = spec_of(config)
     run_config = run_config or run_config_of(out)
@@ -522,9 +505,9 @@ def ingest(
             yield day, rows, out / f"{date}.{format}", data
 
     if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
-        for day, _, path, data in judged():
-            if day.status == "good" and _standing_log(path, data)[0] == "differs":
-                _refuse_overwriting(run_config)
+        good = ((path, data) for day, _, path, data in judged() if day.status == "good")
+        if any(_standing_log(*each)[0] == "differs" for each in good):
+            _refuse_overwriting(run_config)
     results = []
     for day, (_, origins, reports), path, data in judged():
         if day.status == "good":
@@ -546,13 +529,13 @@ def _write(day: DayResult, path: Path, data: bytes, *, force: bool, dry_run: boo
     if dry_run:
         return
     day.status, day.file = _standing_log(path, data)
-    plain = day.file == path.name and path.is_file() and not path.is_symlink()
-    if day.status == "absent" or (day.status == "differs" and force and plain):
+    plain = path.is_file() and not path.is_symlink()
+    if day.status == "differs" and day.file != path.name:
+        day.reason = f"{day.file} is there already: take it away, or choose its --format"
+    elif day.status == "absent" or (day.status == "differs" and force and plain):
         with replacing(path) as scratch:
             scratch.write_bytes(data)
         day.status = "written"
-    elif day.status == "differs" and day.file != path.name:
-        day.reason = f"{day.file} is there already: take it away, or choose its --format"
     elif day.status == "differs":
         day.reason = f"{day.file} is there and differs: --force writes it again"
 
@@ -568,15 +551,13 @@ def _bytes_of(series: TimedValues, zone: dt.tzinfo, format: Format) -> tuple[byt
 
 def _standing_log(path: Path, data: bytes) -> tuple[str, str]:
     """Whether the log of a day is "absent", "identical", or one that "differs"; and its file name."""
-    stem = path.name[:10]
-    for other in (path.with_name(f"{stem}{suffix}") for suffix in SUFFIXES):
+    for other in (path.with_name(f"{path.name[:10]}{suffix}") for suffix in SUFFIXES):
         if other != path and (other.exists() or other.is_symlink()):
             return "differs", other.name
-    if not path.exists() and not path.is_symlink():
-        return "absent", path.name
-    plain = path.is_file() and not path.is_symlink()
-    same = plain and path.stat().st_size == len(data) and path.read_bytes() == data
-    return "identical" if same else "differs", path.name
+    if path.is_file() and not path.is_symlink():
+        same = path.stat().st_size == len(data) and path.read_bytes() == data
+        return "identical" if same else "differs", path.name
+    return "differs" if path.exists() or path.is_symlink() else "absent", path.name
 
 
 def _refuse_place(out: Path, exports: Sequence[Path]) -> None:
@@ -610,8 +591,8 @@ def _notes(tables: Sequence[Table]) -> list[str]:
     if footers := sum(table.footers for table in tables):
         notes.append(f"last lines of files that hold no data (footer_rows): {footers:,d} passed over")
     if others:
-        tags = ", ".join(f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12))
-        notes.append(f"tags not asked for: {tags}{', ...' if len(others) > 12 else ''}")
+        tags = [f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12)]
+        notes.append(f"tags not asked for: {', '.join(tags)}{', ...' if len(others) > 12 else ''}")
     return notes
 
 
@@ -630,8 +611,7 @@ def config_for_logs(config: Config) -> str:
         own["u_Qo"] = ""
     if config.input.interval:
         own["interval"] = dict(config.input.interval)
-    reach = {"reach": raw.pop("reach")} if "reach" in raw else {}
-    raw = reach | {"input": own} | raw
+    raw = {"reach": raw.pop("reach", {}), "input": own} | raw
     parse(raw, Config, "the configuration for the logs")
     body = tomli_w.dumps({section: entries for section, entries in raw.items() if entries})
     return _first_line(body) + body

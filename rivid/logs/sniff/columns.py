@@ -1,7 +1,7 @@
 """What the columns of a foreign table are: numbers, marks, sentinels, units, and which is which."""
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rivid.logs.log import sentinels_in
-from rivid.logs.sniff.layout import Layout, number
+from rivid.logs.sniff.layout import Layout, number, steps_of
 from rivid.logs.spec import read_text, stem_of
 from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
 
@@ -104,64 +104,52 @@ def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     cells = [cell for column in columns for cell in column if re.search(r"\d", cell)]
     readers = [NumberReader((), *marks) for marks in MARKS]
     best = max(readers, key=lambda reader: sum(reader.read(cell) is not None for cell in cells))
-    with_comma = [cell for cell in cells if "," in cell]
+    commas = [] if any("." in cell for cell in cells) else [cell for cell in cells if "," in cell]
     doubt = ""
-    if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
-        if not any("." in cell for cell in cells):
-            doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
-    if cells and all(re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", cell) for cell in cells):
-        doubt = f"{cells[0]!r}: is the point a decimal mark (as taken here) or between thousands?"
+    for mark, name, marked in ((",", "comma", commas), (r"\.", "point", cells)):
+        if marked and all(re.fullmatch(rf"[+-]?\d{{1,3}}{mark}\d{{3}}", cell) for cell in marked):
+            doubt = f"{marked[0]!r}: is the {name} a decimal mark (as taken here) or between thousands?"
     return best.decimal, best.thousands, doubt
 
 
 def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
     """What a column is; None for one that does not hold numbers."""
-    values, texts, at = [], Counter[str](), []
-    for i, cell in enumerate(cells):
-        value = reader.read(cell)
-        if value is None:
-            texts[cell] += 1
-        elif value == value:
-            values.append(value)
-            at.append(i)
-    if not values or len(values) < texts.total():
+    read = [reader.read(cell) for cell in cells]
+    texts = [cell for cell, value in zip(cells, read, strict=True) if value is None]
+    values = {i: value for i, value in enumerate(read) if value is not None and value == value}
+    if not values or len(values) < len(texts):
         return None
-    steps = Counter(b - a for a, b in pairwise(at))
+    steps = Counter(b - a for a, b in pairwise(values))
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
     sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
-    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every, sure)
+    found = tuple(sentinels_in(np.array([*values.values()])))
+    return ColumnGuess(name, role, known, found, tuple(dict.fromkeys(texts)), every, sure)
 
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     text = name.lower()
     if not unit_text and (match := re.search(r"[\[(]([^\])]*)[\])]", name)):
         unit_text = match[1]
-    flow = _unit_in(text, unit_text, _FLOW_UNITS)
+    flow = stated_unit(name, unit_text, level=False)
+    level = "" if flow else stated_unit("", unit_text, level=True)
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
     if role == "h_L" and flow:
-        role = "flow"
+        return "flow", flow
     if role == "h_L":
-        return role, _unit_in(text, unit_text, _LEVEL_UNITS)
-    level = "" if flow else _unit_in("", unit_text, _LEVEL_UNITS)
-    if role and level and re.search(_PLACE, text):
+        return role, stated_unit(name, unit_text, level=True)
+    if level and (not role or re.search(_PLACE, text)):
         return "h_L", level  # "Oberwasser [m]"
-    if not role:
-        return ("flow", flow) if flow else ("h_L", level) if level else ("", "")
-    return role, flow
+    return role or ("flow" if flow else ""), flow
 
 
-def stated_unit(name: str, unit: str, *, level: bool) -> str:
+def stated_unit(name: str, text: str, *, level: bool) -> str:
     """The unit of a level, or else of a discharge, in its name or in the text of its unit; empty for none."""
-    return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
-
-
-def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:
-    datum = _DATUM if units is _LEVEL_UNITS else ""
-    for unit, words in units:
-        if re.fullmatch(rf"[\[(]?({words}){datum}[\])]?", unit_text.strip().lower()):
+    datum = _DATUM if level else ""
+    for unit, words in _LEVEL_UNITS if level else _FLOW_UNITS:
+        if re.fullmatch(rf"[\[(]?({words}){datum}[\])]?", text.strip().lower()):
             return unit
-        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", re.sub("_", " ", text)):
+        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", name.lower().replace("_", " ")):
             return unit
     return ""
 
@@ -241,16 +229,16 @@ def _tag_columns(layout: Layout, value_at: int) -> tuple[int, ...]:
 
 def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str]) -> None:
     """Set the tags: the tag of each row, and the unit of each tag that states one."""
-    cells: dict[str, list[str]] = {}
-    times: dict[str, set[int]] = {}
+    cells: dict[str, list[str]] = defaultdict(list)
+    times: dict[str, set[int]] = defaultdict(set)
     for tag, row in zip(tags, layout.rows, strict=True):
         moment = read_text(layout.time(row), layout.time_format)
-        cells.setdefault(tag, []).append(row[value_at])
+        cells[tag].append(row[value_at])
         if moment is not None:
-            times.setdefault(tag, set()).add(moment[0])
+            times[tag].add(moment[0])
     layout.value = layout.names[value_at]
     layout.columns = [(tag, units.get(tag, ""), values) for tag, values in cells.items()]
-    layout.tag_steps = {tag: [b - a for a, b in pairwise(sorted(known))] for tag, known in times.items()}
+    layout.tag_steps = {tag: steps_of(sorted(known)) for tag, known in times.items()}
     stepping = [tag for tag in layout.tag_steps if layout.usual(tag)]
     layout.steps = layout.tag_steps[min(stepping, key=layout.usual)] if stepping else []
 
@@ -458,11 +446,8 @@ def _sites(columns: Group) -> dict[str, str]:
     shared = 0
     while all(len(w) > shared + 1 for w in words.values()) and len({w[shared] for w in words.values()}) == 1:
         shared += 1
-    sites = {}
-    for name, parts in words.items():
-        site = parts[shared] if len(parts) > shared + 1 else ""
-        sites[name] = "" if _NO_SITE.fullmatch(site) else site
-    return sites
+    sites = {name: parts[shared] if len(parts) > shared + 1 else "" for name, parts in words.items()}
+    return {name: "" if _NO_SITE.fullmatch(site) else site for name, site in sites.items()}
 
 
 def _by_site(
@@ -494,8 +479,7 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
     neutral = [c for c in flows if c.role == "flow"]
     ins = called_in[:1] or neutral[:1]
     outs = called_out or [c for c in [*neutral, *called_in] if c not in ins][:1]
-    if any(c.sure for c in outs):
-        outs = [c for c in outs if c.sure]
+    outs = [c for c in outs if c.sure] or outs
     if all(sites[c.name] for c in outs):  # sites are never mixed in a sum
         outs = [c for c in outs if sites[c.name] == sites[outs[0].name]]
     outs = [c for c in outs if _TOTAL.search(c.name.lower())][:1] or outs
@@ -509,11 +493,8 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
 
 def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
     """What else the inflow and the outflow may be: each other, all of another site, any other column."""
-    by_site: dict[str, Group] = {}
-    for column in flows:
-        if sites[column.name]:
-            by_site.setdefault(sites[column.name], []).append(column)
-    whole = [_leaving(group) for group in by_site.values()]
+    named = dict.fromkeys(filter(None, (sites[c.name] for c in flows)))
+    whole = [_leaving([c for c in flows if sites[c.name] == site]) for site in named]
     left = [[c] for c in flows if c not in ins and c not in outs]
     return {"u_Qi": _distinct([outs, *whole, *left], ins), "u_Qo": _distinct([ins, *whole, *left], outs)}
 
