@@ -348,7 +348,7 @@ def dates_of(
     found = set(days_of(np.concatenate([column.times for column in columns]), zone, spec.tolerance))
     if any(held):
         found |= set(days_of(stamps, zone, spec.tolerance))
-        if all(held):  # nothing may change for a whole day
+        if found and all(held):  # nothing may change for a whole day
             found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
     kept = []
     for date in sorted(found):
