@@ -1,6 +1,7 @@
 """Clocks: a column that is shifted against the others by an hour or a day, or drifts; exchanged columns."""
 
 import datetime as dt
+from collections import defaultdict
 from itertools import compress
 
 import numpy as np
@@ -113,23 +114,17 @@ def _usual(believed: dict[dt.date, Fit], longest: float) -> tuple[float, float] 
 
 def _dates(record: Record, fits: Fits) -> list[Finding]:
     """Find days that fit only with the flows of the day before or after."""
-    groups: dict[tuple[int, int], list[dt.date]] = {}
+    groups: dict[tuple[int, int], list[dt.date]] = defaultdict(list)
+    shifts = [shift for shift in SHIFTS if record.balanced or not shift[1]]
     for date, fit in fits.right.items():
-        if fit.explained >= WELL:
-            continue
-        best = (fit.explained + OTHER_DAY_EACH, (0, 0))
-        for shift in SHIFTS:
-            sums = fits.sums(date, *shift) if record.balanced or not shift[1] else None
-            if sums is not None:
-                best = max(best, (fits.best(sums).explained, shift))
-        if best[1] != (0, 0):
-            groups.setdefault(best[1], []).append(date)
+        if fit.explained < WELL:
+            each = [(fits.of([date], shift)[0].explained, shift) for shift in shifts]
+            groups[max([(fit.explained + OTHER_DAY_EACH, (0, 0)), *each])[1]].append(date)
     found = []
     for shift, some in groups.items():
-        days = _in_rows(record, some, list(fits.right), whole=True)
-        if not days:
-            continue
-        if fits.of(days, shift)[0].explained >= max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY):
+        days = _in_rows(record, some, list(fits.right), whole=True) if any(shift) else []
+        least = max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY)
+        if days and fits.of(days, shift)[0].explained >= least:
             column, sense = SHIFTS[shift]
             other_day = "after" if sense == "early" else "before"
             values = {"column": column or record.output, "sense": sense, "other_day": other_day}
@@ -207,7 +202,7 @@ def _shifted(
     record: Record, fits: Fits, believed: dict[dt.date, Fit], usual: tuple[float, float]
 ) -> list[Finding]:
     """Find days on which one clock is shifted against the usual lags."""
-    groups: dict[tuple[str, int], dict[dt.date, float]] = {}
+    groups: dict[tuple[str, int], dict[dt.date, float]] = defaultdict(dict)
     least = SMALLEST[record.reach.kind]
     for date, fit in believed.items():
         by_in, by_out = fit.lag_in - usual[0], fit.lag_out - usual[1]
@@ -220,7 +215,7 @@ def _shifted(
         if column and abs(late) >= least:
             # offsets that agree within minutes have the same cause
             known = (k for k in groups if k[0] == column and abs(k[1] - late) <= ALIKE)
-            groups.setdefault(next(known, (column, round(late))), {})[date] = late
+            groups[next(known, (column, round(late)))][date] = late
     found = []
     reference = "the others" if record.balanced else record.output
     for (column, _), days in groups.items():

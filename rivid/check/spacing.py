@@ -11,7 +11,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.days import MISSED, DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, clocks_change, local, shown, spec_of
+from rivid.logs.spec import MICRO, clocks_change, local, spec_of
 from rivid.types import Ints
 
 OFF = 0.02
@@ -40,7 +40,7 @@ class Spacing:
         """Add a day as it is logged (its file is still in memory); `reason` is why it failed, if it did."""
         path, *_ = source.parts[0]
         try:
-            log = load(self.folder / path, shown(path), self.spec)
+            log = load(self.folder / path, self.spec)
         except (RividError, OSError, ValueError, MemoryError):
             return
         series = log.of_day(source.date)

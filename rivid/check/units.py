@@ -1,6 +1,7 @@
 """Units and the water balance: the flows against each other, the level against their volume."""
 
 import datetime as dt
+from collections import defaultdict
 from collections.abc import Collection
 
 import numpy as np
@@ -76,14 +77,14 @@ class Flows:
         self.means = {n: {d: float(day[n].mean()) for d, day in days.items()} for n in names}
         self.moves = {n: {d: float(day[n].std()) for d, day in days.items()} for n in names}
         self.median = {n: float(np.median([*of_days.values()])) for n, of_days in self.means.items()}
-        self.unit = {n: _unit(config, n) for n in names}
+        self.config = config
         self.too_large = {n: _factors(config, n) for n in names}
         self.reported: set[str] = set()
 
     def against_inflow(self, other: str) -> list[Finding]:
         """Compare the inflow with another discharge, day by day: another unit, or a missing part."""
         one = "u_Qi"
-        groups: dict[tuple[str, str, bool], dict[dt.date, float]] = {}
+        groups: dict[tuple[str, str, bool], dict[dt.date, float]] = defaultdict(dict)
         stored, usual = self._stored(), self.median[one]
         for date in self.record.days:
             a, b = self.means[one][date], self.means[other][date]
@@ -94,22 +95,19 @@ class Flows:
             moves = self.moves[large][date] / self.moves[small][date] if not still else 0.0
             unit = any(unit for _, unit in self._units(large, small, ratio))
             if unit and ratio / MOVES < moves < ratio * MOVES:
-                groups.setdefault((large, small, True), {})[date] = ratio
+                groups[large, small, True][date] = ratio
             elif ratio > OPEN and not still and abs(a - b - stored.get(date, 0.0)) > PART * usual:
-                groups.setdefault((large, small, False), {})[date] = ratio
+                groups[large, small, False][date] = ratio
         found = []
         for (large, small, is_unit), ratios in groups.items():
             dates = list(ratios) if is_unit else self._in_rows(list(ratios))
             if not is_unit and not self._is_open(large, small, dates, stored):
                 continue
             ratio = float(np.median([ratios[date] for date in dates]))
-            values = {"large": large, "small": small, "ratio": ratio}
+            code, more = self._which_unit(large, small, ratio) if is_unit else ("balance.flows", {})
+            values = {"large": large, "small": small, "ratio": ratio, **more}
             days = {d: {"ratio": ratios[d]} for d in dates} if len(dates) < len(self.record.days) else {}
-            if is_unit:
-                code, more = self._which_unit(large, small, ratio)
-                found.append(Finding(code, values | more, days))
-            else:
-                found.append(Finding("balance.flows", values, days))
+            found.append(Finding(code, values, days))
             self.reported |= {large, small}
         return found
 
@@ -125,9 +123,9 @@ class Flows:
         sound = [name for name in (large, small) if self._is_sound(name)]
         if of_large and sound != [large]:
             factor = self.too_large[large][of_large]
-            return "unit.factor", {"unit": of_large, "declared": self.unit[large], "factor": factor}
+            return "unit.factor", {"unit": of_large, "declared": _unit(self.config, large), "factor": factor}
         if of_small:
-            return "unit.declared", {"unit": of_small, "declared": self.unit[small]}
+            return "unit.declared", {"unit": of_small, "declared": _unit(self.config, small)}
         return "unit.twice", {"unit": of_large}
 
     def _is_sound(self, name: str) -> bool:
@@ -140,8 +138,6 @@ class Flows:
         return low / 2 <= self.median[name] <= 2 * high
 
     def _is_open(self, large: str, small: str, dates: list[dt.date], stored: dict[dt.date, float]) -> bool:
-        if not dates:
-            return False
         most, least = (sum(self.means[name][date] for date in dates) for name in (large, small))
         change = sum(stored.get(date, 0.0) for date in dates) * (1 if large == "u_Qi" else -1)
         return most - change > OPEN * least
@@ -165,19 +161,17 @@ class Flows:
     def against_range(self) -> list[Finding]:
         """Find discharges far from [reach] discharge_range."""
         low, high = self.record.reach.discharge_range
-        far: dict[str, list[dict[str, str | float]]] = {}
+        far: dict[str, list[dict[str, str | float]]] = defaultdict(list)
         for name, flow in self.median.items():
             if name in self.reported or low / RANGE_MARGIN <= abs(flow) <= high * RANGE_MARGIN:
                 continue
             fitting = {u: flow / f for u, f in self.too_large[name].items() if low <= flow / f <= high}
             unit = next(iter(fitting), "")
-            one: dict[str, str | float] = {"column": name, "median": flow}
-            far.setdefault(unit, []).append(one | ({"converted": fitting[unit]} if unit else {}))
-        found = []
-        for unit, flows in far.items():
-            code = "unit.range_unit" if unit else "unit.range"
-            found.append(Finding(code, self._range() | {"flows": flows, "unit": unit}))
-        return found
+            far[unit].append(
+                {"column": name, "median": flow} | ({"converted": fitting[unit]} if unit else {})
+            )
+        codes = {unit: "unit.range_unit" if unit else "unit.range" for unit in far}
+        return [Finding(codes[u], self._range() | {"flows": flows, "unit": u}) for u, flows in far.items()]
 
     def outside_range(self) -> list[Finding]:
         """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
@@ -237,9 +231,8 @@ def _against_itself(record: Record) -> list[Finding]:
     """Find a length, a width and a surface that are not of one reach."""
     area, product = record.reach.surface_area, record.reach.length * record.reach.width
     declared = all(record.declared(key) for key in ("surface_area", "length", "width"))
-    if not declared or 1 / FAR < area / product < FAR:
-        return []
-    return [Finding("reach.area", {"area": area, "product": product})]
+    odd = declared and not 1 / FAR < area / product < FAR
+    return [Finding("reach.area", {"area": area, "product": product})] if odd else []
 
 
 def _against_bed(record: Record, config: Config) -> list[Finding]:

@@ -77,7 +77,7 @@ class Series:
 
 def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[Table]:
     """Read all files, and the rows of a query; UndeclaredError for what none of them holds or declares."""
-    tables = [read_table(path, shown(path.name), spec, MANY, export=True) for path in dict.fromkeys(paths)]
+    tables = [read_table(path, spec, export=True) for path in dict.fromkeys(paths)]
     if rows:
         tables.append(table_of(rows, spec, "the query", MANY, "", export=True))
     for table in tables:

@@ -41,6 +41,7 @@ from rivid.logs.spec import (
     refuse_rows,
     refuse_size,
     seconds_of,
+    shown,
     stem_of,
     to_utc,
 )
@@ -422,7 +423,7 @@ def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
     return days
 
 
-def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
+def load(path: Path, spec: Spec, *, fresh: bool = False) -> Log:
     """Read a log of one day or of many, or return it as read before, unless `fresh`.
 
     `fresh` reads in any case: within the clock's tick a changed file may look unchanged. Raises DataError
@@ -431,14 +432,15 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     try:
         status = path.stat()
     except OSError as error:
-        raise DataError(f"{name} cannot be read: {error.strerror}") from None
+        raise DataError(f"{shown(path.name)} cannot be read: {error.strerror}") from None
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
     log = None if fresh else _kept.pop(key, None)
     if log is None:
         try:
-            log = make_log(read_table(path, name, spec, DAY if is_day_file(path.name) else MANY), spec)
+            log = make_log(read_table(path, spec), spec)
         except MemoryError:
-            raise DataError(f"{name} does not fit into memory ({status.st_size / 1e6:,.0f} MB)") from None
+            size = f"{status.st_size / 1e6:,.0f} MB"
+            raise DataError(f"{shown(path.name)} does not fit into memory ({size})") from None
     _kept[key] = log
     while len(_kept) > 2 and (
         len(_kept) > KEPT_FILES or sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
@@ -447,21 +449,21 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     return log
 
 
-def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, export: bool = False) -> Table:
-    """Read a file, text or Parquet, wide or long, of at most `limits` bytes and rows.
+def read_table(path: Path, spec: Spec, *, export: bool = False) -> Table:
+    """Read a file, text or Parquet, wide or long.
 
     With `export`, the columns that are not read matter too, some of the sources are enough, and any suffix is
-    allowed. Raises UndeclaredError where the file is not as declared, DataError where nothing of it can be
-    used, CutError where it ends too early.
+    allowed. UndeclaredError where the file is not as declared, DataError where nothing of it can be used,
+    CutError where it ends too early.
     """
+    name, limits = shown(path.name), DAY if is_day_file(path.name) and not export else MANY
     content, digest = read_bytes(path, name, limits[0])
     stem = stem_of(path.name)
     if content[:4] == b"PAR1" if export else path.name.lower().endswith(".parquet"):
         table = read_parquet(content, spec, name, limits, stem, watch=export)
     else:
-        table = table_of(
-            as_text(content, name) if export else content, spec, name, limits, stem, export=export
-        )
+        content = as_text(content, name) if export else content
+        table = table_of(content, spec, name, limits, stem, export=export)
     table.name, table.digest = name, digest
     return table
 

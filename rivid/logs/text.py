@@ -128,10 +128,7 @@ class NumberReader:
 def check_names(
     names: Sequence[str], spec: Spec, where: str, header: str = "", *, some: bool = False
 ) -> None:
-    """Raise ColumnError, with the nearest name, where a required column is missing or doubled.
-
-    With `some`, some of the sources and their flags are enough: others are in another file.
-    """
+    """ColumnError where a required column is missing or doubled; with `some`, some sources are enough."""
     given = spec.input
     sources = [(column, signal.name) for signal in spec.signals for column in signal.sources]
     if spec.long:
@@ -232,11 +229,7 @@ def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
 
 
 def read_header(content: bytes, spec: Spec, name: str, *, some: bool = False) -> Header:
-    """Read the names of the columns: below comments, of one row or several, or as declared.
-
-    `content` is UTF-8; with `some`, some of the required columns are enough. Raises ColumnError where one is
-    missing or doubled.
-    """
+    """Read the names of the columns of a text in UTF-8; `some` as of :func:`check_names`."""
     given = spec.input
     start, line, text = 0, given.skip_rows + 1, ""
     for _ in range(given.skip_rows):
@@ -296,20 +289,17 @@ def footer_lines(
     """Indices, ascending, of the last lines that hold no data: averages, "end of report".
 
     `lines` are split at each line break (the last one is empty where the text ends with one); `time_at` are
-    the cells of the time. Empty lines, rows of empty cells and comments are left out. A line that has a time,
-    or begins like a date, is no footer; nor is a last line that begins with a digit and has no line break: it
-    may be a damaged row. Empty where there are more than :data:`MOST_FOOTERS`.
+    the cells of the time. A line that has a time, or begins like a date, is no footer; empty lines and
+    comments are not counted. Empty where there are more than :data:`MOST_FOOTERS`.
     """
     found: list[int] = []
     for at in range(len(lines) - 1, -1, -1):
         line = lines[at]
-        if not line.strip() or (comment and line.startswith(comment)):
-            continue
         cells = split_cells(line, separator)
-        if cells is not None and not any(cells):
+        if cells is not None and not any(cells) or (comment and line.startswith(comment)):
             continue
         if at == len(lines) - 1 and line.lstrip(' "')[:1].isdigit():
-            break
+            break  # without a line break it may be a damaged row
         text = " ".join((cells or [])[i] for i in time_at if i < len(cells or []))
         if _DATE.match(text) or read_text(text, time_format) is not None:
             break
@@ -320,10 +310,7 @@ def footer_lines(
 
 
 def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
-    """The text without the lines that `[input] footer_rows` declares, and how many these are.
-
-    A line with a time is never one of them: a file without a footer, or not yet with one, loses nothing.
-    """
+    """The text without the lines that `[input] footer_rows` declares, if they are there, and their number."""
     given, (names, body, _) = spec.input, header
     if not given.footer_rows:
         return content, 0
@@ -340,11 +327,7 @@ def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
 def read_lines(
     content: bytes, header: Header, spec: Spec, name: str, stem: str = "", *, watch: bool = False
 ) -> Table:
-    """Read all lines below the header of `content` in UTF-8; DataError for bytes that are not text.
-
-    `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
-    collects the texts of columns that are not read.
-    """
+    """Read all lines below the header of `content` in UTF-8; arguments as of :class:`RowReader`."""
     names, body, line_of_names = header
     rows = RowReader(names, spec, stem, watch)
     try:
@@ -372,7 +355,11 @@ Row = tuple[int, int | None, int, list[float]]
 
 
 class RowReader:
-    """Reads rows one by one; `stem`, `watch` as of :func:`read_lines`, `unit` is "line" or "row"."""
+    """Reads rows one by one.
+
+    `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
+    collects the texts of columns that are not read; `unit` is "line" or "row".
+    """
 
     def __init__(
         self, names: tuple[str, ...], spec: Spec, stem: str, watch: bool, unit: str = "line"
