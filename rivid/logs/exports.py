@@ -8,7 +8,7 @@ import datetime as dt
 import difflib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import reduce
 from hashlib import sha256
@@ -132,10 +132,7 @@ def _refuse_units(table: Table, spec: Spec) -> None:
 
 
 def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Series], list[Fault]]:
-    """The zone of the local days, the series of all files, and the faults of their days in order of time.
-
-    UndeclaredError where the zone is unknown or differs between files.
-    """
+    """The zone of the local days, the series of all files, and the faults of their days in order of time."""
     parts = [(table.name, columns) for table in tables for columns in table.parts]
     zones = {zone_of(columns, spec, file): file for file, columns in parts}
     zone, *_ = zones
@@ -190,14 +187,11 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
 
 
 def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
-    """The account as JSON holds it: values read = values used + values dropped, by reason.
-
-    To be drawn up once the statuses of all values are set; values of unreadable rows count once per source.
-    """
+    """The account as JSON holds it: values read = values used + values dropped, by reason."""
     sources = {}
     for one in series:
         used, *dropped = np.bincount(one.statuses, minlength=len(ValueStatus)).tolist()
-        dropped[-1] += one.unreadable
+        dropped[-1] += one.unreadable  # of rows, once per source
         sources[one.name] = {
             "read": used + sum(dropped),
             "used": used,
@@ -241,14 +235,13 @@ Origins = list[tuple[Series, Ints]]
 class Canonical:
     """A canonical column: its values, or the reports of sources that are logged when they change.
 
-    Reports (`[input.hold]`) are sampled on the grid of each day and hold until the next one; then `times` and
-    `values` are empty, and `origins` are the reports in order of time.
+    Reports (`[input.hold]`) are sampled on the grid of each day and hold until the next one.
     """
 
     signal: Signal  # for the grid: with reports, the column comes every T_s
-    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted
+    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted; no reports
     values: Floats  # (n,) [m3/s] or [m]
-    origins: Origins  # per source: the row of each value in it
+    origins: Origins  # per source: the row of each value, or report, in it
 
     @property
     def stamps(self) -> Ints:
@@ -317,13 +310,10 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
 
 @dataclass
 class DayResult:
-    """A day and its status.
-
-    Judged, it is good, refused or pending; a good one is then written, identical, or differs: another log
-    stays in place.
-    """
+    """A day and its status."""
 
     date: dt.date
+    # good, refused or pending; a good one becomes written, identical, or differs: another log stays in place
     status: str = "good"
     reason: str = ""
     file: str = ""
@@ -368,10 +358,7 @@ def judge(
     today: dt.date,
     whole: bool = True,
 ) -> tuple[DayResult, DayRows]:
-    """A day as `rivid run` would take it, and its rows; a log of `today` or later may be unfinished.
-
-    If the data sets are not `whole` days, gaps refuse no day.
-    """
+    """A day as `rivid run` would take it, and its rows; where data sets are not `whole` days, with gaps."""
     grid = make_grid(*day_bounds(date, zone), spec.period, zone)
     parts = {column.signal.name: column.of_day(grid, spec.tolerance) for column in columns}
     series = {name: (times, values) for name, (times, values, _) in parts.items()}
@@ -419,16 +406,12 @@ KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of an ingest, its days in date order.
+    """The result of an ingest."""
 
-    `ledger` is the account of the values (:func:`ledger_of`), `notes` are tags and columns that were not
-    read.
-    """
-
-    days: list[DayResult]
-    ledger: dict[str, Any]
+    days: list[DayResult]  # in date order
+    ledger: dict[str, Any]  # the account of the values, of :func:`ledger_of`
     run_config: Path
-    notes: list[str] = field(default_factory=list)
+    notes: list[str]  # tags, columns and lines that were not read
 
     @property
     def counts(self) -> Counter[str]:

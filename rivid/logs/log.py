@@ -55,6 +55,7 @@ from rivid.logs.text import (
     UndeclaredError,
     check_names,
     cut_footer,
+    end_of_lines,
     read_header,
     read_lines,
     split_cells,
@@ -93,15 +94,11 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
     micros = table.column(0).to_numpy().view(np.int64)
     if micros.min() < FIRST or micros.max() >= LAST or (given.time_format and _may_have_rolled(micros)):
         return None
-    numbers = {}
-    for i, name in enumerate(spec.sources, 1):
-        column = table.column(i)
-        values = column.to_numpy()
-        if np.count_nonzero(np.isfinite(values)) != len(values) - column.null_count:
-            return None  # infinite, or a NaN that is not declared missing
-        numbers[name] = values
-    seconds = seconds_of(offset) if offset else None
+    numbers = {name: table[name].to_numpy() for name in spec.sources}
+    if any(np.count_nonzero(~np.isfinite(v)) != table[name].null_count for name, v in numbers.items()):
+        return None  # infinite, or a NaN that is not declared missing
     first = line + given.unit_rows + 1
+    seconds = seconds_of(offset) if offset else None
     return Columns(micros, bool(offset), seconds, numbers, range(first, first + len(micros)))
 
 
@@ -128,8 +125,7 @@ def _options(names: tuple[str, ...], spec: Spec, aware: bool) -> tuple[Any, Any,
 def _first_offset(content: bytes, header: Header, spec: Spec) -> str:
     """The UTC offset written in the first row, empty where there is none."""
     names, begin, _ = header
-    end = content.find(b"\n", begin)
-    row = content[begin : end if end >= 0 else None].decode("utf-8", "replace")
+    row = content[begin : end_of_lines(content, begin)].decode("utf-8", "replace")
     cells = row.split(spec.input.separator)
     at = names.index(spec.time[0])
     match = _OFFSET.search(cells[at].strip().strip('"')) if at < len(cells) else None
@@ -146,11 +142,10 @@ def _may_have_rolled(micros: Ints) -> bool:
 def read_parquet(
     content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, watch: bool
 ) -> Table:
-    """Read a Parquet file of at most `limits` bytes, unpacked, and rows.
+    """Read a Parquet file; `limits` of bytes, unpacked, and rows; `stem`, `watch` as of :class:`RowReader`.
 
     Numbers and times are taken as they are. With texts, flags, zones or tags, or to `watch` the other
-    columns, cells are read as in text files; `stem` is the tag where no column holds it. DataError for a file
-    that is damaged, too large, or lacks the required columns and types; CutError for one without its end.
+    columns, cells are read as in text files.
     """
     if content[:4] != b"PAR1":
         raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
@@ -424,11 +419,7 @@ def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
 
 
 def load(path: Path, spec: Spec, *, fresh: bool = False) -> Log:
-    """Read a log of one day or of many, or return it as read before, unless `fresh`.
-
-    `fresh` reads in any case: within the clock's tick a changed file may look unchanged. Raises DataError
-    where nothing of the file can be used; CutError where it ends too early.
-    """
+    """Read a log, or return it as read before; `fresh`: within the clock's tick it may have changed."""
     try:
         status = path.stat()
     except OSError as error:
@@ -450,11 +441,10 @@ def load(path: Path, spec: Spec, *, fresh: bool = False) -> Log:
 
 
 def read_table(path: Path, spec: Spec, *, export: bool = False) -> Table:
-    """Read a file, text or Parquet, wide or long.
+    """Read a log; or an `export`: of any suffix, with some of the sources, and columns that are not read.
 
-    With `export`, the columns that are not read matter too, some of the sources are enough, and any suffix is
-    allowed. UndeclaredError where the file is not as declared, DataError where nothing of it can be used,
-    CutError where it ends too early.
+    UndeclaredError where it is not as declared, DataError where nothing can be used, CutError where it ends
+    too early.
     """
     name, limits = shown(path.name), DAY if is_day_file(path.name) and not export else MANY
     content, digest = read_bytes(path, name, limits[0])
@@ -471,17 +461,14 @@ def read_table(path: Path, spec: Spec, *, export: bool = False) -> Table:
 def table_of(
     content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, export: bool
 ) -> Table:
-    """Read a text: the part of :func:`read_table` that needs no file.
-
-    The fast reader serves where it returns as much: of an export, all columns are read and no cell is empty.
-    """
+    """Read a text: the part of :func:`read_table` that needs no file."""
     content = to_utf8(content, spec, name)
     refuse_rows(name, content.count(b"\n"), limits[1])
     header = names, body, _ = read_header(content, spec, name, some=export)
     content, footers = cut_footer(content, header, spec)
-    fast = None
-    if not export or set(names) == {*spec.time, *spec.sources}:
-        fast = read_fast(content, header, spec)
+    # of an export, other columns and the texts of empty cells matter, too
+    as_fast = not export or set(names) == {*spec.time, *spec.sources}
+    fast = read_fast(content, header, spec) if as_fast else None
     if fast is None or (export and any(np.isnan(v).any() for v in fast.numbers.values())):
         table = read_lines(content, header, spec, name, stem, watch=export)
     else:

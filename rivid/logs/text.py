@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -231,35 +232,28 @@ def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
 def read_header(content: bytes, spec: Spec, name: str, *, some: bool = False) -> Header:
     """Read the names of the columns of a text in UTF-8; `some` as of :func:`check_names`."""
     given = spec.input
-    start, line, text = 0, given.skip_rows + 1, ""
-    for _ in range(given.skip_rows):
-        start = _end_of_line(content, start)
+    start, line, text = end_of_lines(content, 0, given.skip_rows), given.skip_rows, ""
     rows: list[list[str]] = []
-    comment = given.comment.encode()
     while len(rows) < given.header_rows and not given.columns:
-        end = _end_of_line(content, start)
+        end, line = end_of_lines(content, start), line + 1
         if start >= len(content):
             raise CutError(f"{name} has no header below line {given.skip_rows}")
         try:
             text = content[start:end].decode("utf-8")
         except UnicodeDecodeError:
             raise UndeclaredError(_not_utf8(name, line)) from None
-        if text.strip() and not (comment and content.startswith(comment, start)):
+        if text.strip() and not (given.comment and text.startswith(given.comment)):
             cells = split_cells(text.strip("\r\n"), given.separator)
             if cells is None:
                 raise DataError(f"{name}, line {line}: the header has a quotation mark that is not closed")
             rows.append(cells)
-        start, line = end, line + 1
+        start = end
     names, place = tuple(given.columns), "[input] columns"
     if rows:
-        width = max(map(len, rows))
-        filled = [row + [""] * (width - len(row)) for row in rows]
-        names = tuple(" ".join(filter(None, cells)) for cells in zip(*filled, strict=True))
-        place = f"{name}, line {line - 1}"
+        cells_of = zip_longest(*rows, fillvalue="")
+        names, place = tuple(" ".join(filter(None, cells)) for cells in cells_of), f"{name}, line {line}"
     check_names(names, spec, place, text, some=some)
-    for _ in range(given.unit_rows):
-        start = _end_of_line(content, start)
-    return names, start, line - 1
+    return names, end_of_lines(content, start, given.unit_rows), line
 
 
 def split_cells(line: str, separator: str) -> list[str] | None:
@@ -277,10 +271,12 @@ def _not_utf8(name: str, line: int) -> str:
     return f'{name}, line {line}: not UTF-8: set [input] encoding, for example "latin-1" or "cp1252"'
 
 
-def _end_of_line(content: bytes, start: int) -> int:
-    """Where the next line begins; lines end with LF, CR LF or CR."""
-    match = _LINE_END.search(content, start)
-    return match.end() if match else len(content)
+def end_of_lines(content: bytes, start: int, lines: int = 1) -> int:
+    """Where the text behind some lines begins; lines end with LF, CR LF or CR."""
+    for _ in range(lines):
+        match = _LINE_END.search(content, start)
+        start = match.end() if match else len(content)
+    return start
 
 
 def footer_lines(
@@ -402,10 +398,9 @@ class RowReader:
     def look_for_tag(self, line: str) -> bool:
         """Whether a line holds the tag of the rows below it."""
         match = self.pattern.search(line) if self.pattern else None
-        if match is None:
-            return False
-        self.tag = (match[1] or "").strip()
-        return True
+        if match is not None:
+            self.tag = (match[1] or "").strip()
+        return match is not None
 
     def add(self, number: int, line: str) -> None:
         """Read a line that is not empty."""

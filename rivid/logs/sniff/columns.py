@@ -3,7 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -182,24 +182,16 @@ def find_tags(layout: Layout, file: str) -> None:
     elif value_at is not None and VALUE.fullmatch(layout.names[value_at]):
         _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
     else:
-        layout.columns = [
-            (name, layout.units[i], [row[i] for row in layout.rows])
-            for i, name in enumerate(layout.names)
-            if i not in layout.time_at and name
-        ]
+        names, units = layout.names, layout.units
+        layout.columns = [(names[i], units[i], cells) for i, cells in layout.cells().items() if names[i]]
 
 
 def _value_column(layout: Layout) -> int | None:
     """The one column of numbers that is no flag or identifier; None where there are several."""
-    rest = [
-        i
-        for i, name in enumerate(layout.names)
-        if i not in layout.time_at
-        and not _FLAGS.search(name)
-        and _numeric(cells := [row[i] for row in layout.rows])
-        and not _is_identifier(name, cells)
-    ]
-    named = [i for i in rest if VALUE.fullmatch(layout.names[i])]
+    numbers = {i: cells for i, cells in layout.cells().items() if _numeric(cells)}
+    names = {i: layout.names[i] for i, cells in numbers.items() if not _is_identifier(layout.names[i], cells)}
+    rest = [i for i, name in names.items() if not _FLAGS.search(name)]
+    named = [i for i in rest if VALUE.fullmatch(names[i])]
     return named[0] if len(named) == 1 else rest[0] if len(rest) == 1 else None
 
 
@@ -211,11 +203,10 @@ def _is_identifier(name: str, cells: list[str]) -> bool:
 def _tag_columns(layout: Layout, value_at: int) -> tuple[int, ...]:
     """The first columns of names or identifiers that together make each time of a tag unique."""
     found: list[int] = []
-    for i, name in enumerate(layout.names):
-        if i == value_at or i in layout.time_at or _FLAGS.search(name) or is_unit_column(name):
+    for i, cells in layout.cells().items():
+        name, texts = layout.names[i], set(cells)
+        if i == value_at or _FLAGS.search(name) or is_unit_column(name):
             continue
-        cells = [row[i] for row in layout.rows]
-        texts = set(cells)
         if not 2 <= len(texts) <= MOST_TAGS or "" in texts:
             continue
         if _numeric(cells) and not _is_identifier(name, cells):
@@ -260,7 +251,7 @@ def code_columns(layout: Layout) -> list[int]:
     Most rows of each have the same one. The values state the unit of a flow, or the codes have one name.
     """
     names, units = layout.names, layout.units
-    cells = {i: [row[i] for row in layout.rows] for i, n in enumerate(names) if n and i not in layout.time_at}
+    cells = {i: column for i, column in layout.cells().items() if names[i]}
     flows, levels = ({i for i in cells if stated_unit(names[i], units[i], level=k)} for k in (False, True))
     whole = {i for i in cells.keys() - flows - levels if all(re.fullmatch(r"\d*", cell) for cell in cells[i])}
     few = {i for i in whole if len(set(cells[i])) <= MANY_TEXTS}
@@ -286,37 +277,28 @@ def name_each(layout: Layout) -> None:
 class Flags:
     """Columns of flags and zones."""
 
-    owned: dict[str, str] = field(default_factory=dict)  # column of flags by the column it belongs to
-    of_row: str = ""  # the one column of flags for the whole row; may be empty
-    good: list[str] = field(default_factory=list)  # flags that are taken as good
-    counted: str = ""  # all flags, with counts
-    zone_column: str = ""
-    zones: dict[str, str] = field(default_factory=dict)  # offset by zone
-    # columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored
-    doubtful: list[str] = field(default_factory=list)
+    owned: dict[str, str]  # column of flags by the column it belongs to
+    of_row: str  # the one column of flags for the whole row; may be empty
+    good: list[str]  # flags that are taken as good
+    counted: str  # all flags, with counts
+    zone_column: str
+    zones: dict[str, str]  # offset by zone
+    doubtful: list[str]  # columns that `ingest` refuses undeclared: other flags, or to be ignored
 
 
 def find_flags(layout: Layout) -> Flags:
     """Find columns of flags and zones."""
-    values = {*layout.tag, layout.value}
-    names = [n for i, n in enumerate(layout.names) if n and i not in layout.time_at and n not in values]
-    cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
-    texts = {name: set(column) for name, column in cells.items()}
+    cells = {layout.names[i]: column for i, column in layout.cells().items()}
+    names = [name for name in cells if name and name not in (*layout.tag, layout.value)]
+    texts = {name: set(cells[name]) for name in names}
     zone_column = next((name for name in names if texts[name] and texts[name] <= set(OFFSETS)), "")
     zones = {zone: OFFSETS[zone] for zone in sorted(texts.get(zone_column, ()))}
     codes = {} if layout.value else {layout.names[i]: layout.names[i - 1] for i in code_columns(layout)}
     numbers = {n for n in names if n not in codes and not _is_flag(n) and _numeric(cells[n])}
     read = {layout.value} if layout.value else numbers
-    doubtful = [
-        name
-        for name in names
-        if name != zone_column
-        and not is_unit_column(name)
-        and (
-            name in codes
-            or looks_like_flags(name, texts[name] if len(texts[name]) <= MANY_TEXTS else None, read)
-        )
-    ]
+    few = {name: found if len(found) <= MANY_TEXTS else None for name, found in texts.items()}
+    others = [name for name in names if name != zone_column and not is_unit_column(name)]
+    doubtful = [name for name in others if name in codes or looks_like_flags(name, few[name], read)]
     if doubtful:  # where others are used, an empty one is a column of flags too
         empty = [name for name in names if texts[name] == {""} and _is_flag(name) and _owner(name, read)]
         doubtful = [name for name in names if name in doubtful or name in empty]
@@ -347,6 +329,8 @@ def _is_flag(name: str) -> bool:
 
 
 Group = list[ColumnGuess]
+NO_INFLOW = "no column is called like an inflow: set u_Qi"
+NO_OUTPUT = "no column is called like a level or a second discharge: set h_L, or Q_L of a river"
 MOST = 6
 """Other choices that are shown."""
 _BREAK = re.compile(r"[\s._:/\\|-]+")
@@ -372,10 +356,7 @@ Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
-    """Assign columns to roles; several of one site that leave or enter the reach are summed.
-
-    Appends to `questions` what the names do not determine.
-    """
+    """Assign columns to roles; `questions` get what the names do not determine."""
     if len(columns) > 1 and not any(c.role for c in columns):
         return _by_order(columns, questions)
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
@@ -391,13 +372,12 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     sites = _sites([*flows, level])
     ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
     if not ins:
-        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
+        questions.append(("u_Qi", NO_INFLOW))
     elif (len(flows) > 1 or not ins[0].sure) and not _unmistakable(ins, outs, flows):
         for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
             names = ", ".join(c.name for c in group)
             if len(group) > 1:
-                names = f"the sum of {names}"
-                reason += "; a list is a sum"
+                names, reason = f"the sum of {names}", f"{reason}; a list is a sum"
             if group:
                 questions.append((role, f"{role}: is {names} the {what}? ({reason})"))
         instead |= _others(ins, outs, flows, sites)
@@ -406,8 +386,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
 
 def _by_order(columns: Group, questions: Questions) -> Roles:
     """Columns without a name that states a quantity: in the order of rivid's own logs."""
-    kind = "river" if len(columns) == 2 else "pool"
-    roles = ("u_Qi", "Q_L") if kind == "river" else ("u_Qi", "u_Qo", "h_L")
+    kind, roles = ("river", ("u_Qi", "Q_L")) if len(columns) == 2 else ("pool", ("u_Qi", "u_Qo", "h_L"))
     names = ", ".join(c.name for c in columns)
     text = f"no name states what {names} are: {', '.join(roles)} in their order, check each"
     questions.append(("u_Qi", text))
@@ -421,11 +400,9 @@ def _river(flows: Group, questions: Questions) -> Roles:
     ins, outs = order[:1], order[1:2]
     instead: dict[str, list[Group]] = {}
     if not ins:
-        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
+        questions.append(("u_Qi", NO_INFLOW))
     if not outs:
-        questions.append(
-            ("h_L", "no column is called like a level or a second discharge: set h_L, or Q_L of a river")
-        )
+        questions.append(("h_L", NO_OUTPUT))
     elif not _unmistakable(ins, outs, flows):
         many = "more than two discharges" if len(order) > 2 else "two discharges"
         questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))

@@ -77,6 +77,10 @@ class Layout:
         """The text of a row's time."""
         return " ".join(row[i] for i in self.time_at)
 
+    def cells(self) -> dict[int, list[str]]:
+        """The cells of each column but those of the time, by its place."""
+        return {i: [row[i] for row in self.rows] for i in range(len(self.names)) if i not in self.time_at}
+
     def usual(self, tag: str) -> int:
         """The median step of a tag [us]; 0 where there is none."""
         return middle(self.tag_steps.get(tag, []))
