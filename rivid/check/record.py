@@ -151,16 +151,12 @@ NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
 
 
 class Fits:
-    """Fits of the days of a record.
-
-    `longest` is the longest delay of [reach] by its hydraulics [s]. `right` and `reverse` are, by day, the
-    best fit if the inflow raises and the outflow lowers the output, and if it is the other way round.
-    """
+    """Fits of the days of a record."""
 
     def __init__(self, record: Record) -> None:
         self.record = record
         reach, step = record.reach, record.step
-        try:
+        try:  # the longest delay of [reach] by its hydraulics [s]
             self.longest = min((reach.proposal(step).d_max + 1) * step, LONGEST)
         except ConfigError:
             self.longest = HOUR
@@ -170,6 +166,7 @@ class Fits:
         least = around if reach.kind == "pool" else max(around, round(self.longest / step))
         self.inflow = np.arange(-least, round(max(self.longest, HOUR) / step) + around + 1)
         self.outflow = np.arange(-around, around + 1) if record.balanced else np.zeros(1, int)
+        # the best fit if the inflow raises and the outflow lowers the output; if it is the other way round
         self.right: dict[dt.date, Fit] = {}
         self.reverse: dict[dt.date, Fit] = {}
         # the level of a pool without its outflow depends little on the inflow: operators hold it
@@ -227,16 +224,15 @@ class Fits:
             return None
         lags = self.inflow if name == "u_Qi" else self.outflow
         before, after = max(int(lags[-1]), 0), max(-int(lags[0]), 0)
-        parts, left, right = [days[date][name]], 0, 0
-        if name == "u_Qi" and np.ptp(parts[0]) <= STILL * np.abs(parts[0]).max():
+        own = days[date][name]
+        if name == "u_Qi" and np.ptp(own) <= STILL * np.abs(own).max():
             return None
-        if date - ONE_DAY in days:
-            parts.insert(0, days[date - ONE_DAY][name][-before:] if before else parts[0][:0])
-            left = len(parts[0])
-        if date + ONE_DAY in days:
-            parts.append(days[date + ONE_DAY][name][:after])
-            right = len(parts[-1])
-        flow = np.concatenate([np.zeros(before - left), *parts, np.zeros(after - right)])
+        previous, following = (
+            days[day][name] if day in days else own[:0] for day in (date - ONE_DAY, date + ONE_DAY)
+        )
+        left, right = min(before, len(previous)), min(after, len(following))
+        known = (previous[len(previous) - left :], own, following[:right])
+        flow = np.concatenate([np.zeros(before - left), *known, np.zeros(after - right)])
         if self.record.reach.kind == "pool":
             flow = np.concatenate([[0.0], np.cumsum(flow) * self.record.step])
         moves = (flow[h:] - flow[:-h])[: before + n + after]

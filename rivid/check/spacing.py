@@ -25,14 +25,12 @@ HOUR = 3600 * MICRO
 
 
 class Spacing:
-    """Spacing of each column's rows, day by day; `root` is DATA_DIR, or one file.
-
-    `steps` holds the median twice [s] or, where rows are irregular, the 5th and the 95th percentile.
-    """
+    """Spacing of each column's rows, day by day; `root` is DATA_DIR, or one file."""
 
     def __init__(self, root: Path, config: Config) -> None:
         self.folder = root if root.is_dir() else root.parent
         self.config, self.spec = config, spec_of(config)
+        # the median twice [s] or, where rows are irregular, the 5th and the 95th percentile
         self.steps: dict[str, dict[dt.date, tuple[float, float]]] = defaultdict(dict)
         self.nights: dict[str, list[dt.date]] = {"is missing": [], "comes twice": []}
 

@@ -79,6 +79,8 @@ class Flows:
         self.median = {n: float(np.median([*of_days.values()])) for n, of_days in self.means.items()}
         self.config = config
         self.too_large = {n: _factors(config, n) for n in names}
+        low, high = record.reach.discharge_range
+        self.range = {"low": low, "high": high, "is_declared": record.declared("discharge_range")}
         self.reported: set[str] = set()
 
     def against_inflow(self, other: str) -> list[Finding]:
@@ -167,11 +169,10 @@ class Flows:
                 continue
             fitting = {u: flow / f for u, f in self.too_large[name].items() if low <= flow / f <= high}
             unit = next(iter(fitting), "")
-            far[unit].append(
-                {"column": name, "median": flow} | ({"converted": fitting[unit]} if unit else {})
-            )
+            converted: dict[str, str | float] = {"converted": fitting[unit]} if unit else {}
+            far[unit].append({"column": name, "median": flow, **converted})
         codes = {unit: "unit.range_unit" if unit else "unit.range" for unit in far}
-        return [Finding(codes[u], self._range() | {"flows": flows, "unit": u}) for u, flows in far.items()]
+        return [Finding(codes[u], self.range | {"flows": flows, "unit": u}) for u, flows in far.items()]
 
     def outside_range(self) -> list[Finding]:
         """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
@@ -181,11 +182,7 @@ class Flows:
         if share <= OUTSIDE:
             return []
         values = {"column": "u_Qi", "share": share, "lowest": float(flow.min()), "highest": float(flow.max())}
-        return [Finding("range", self._range() | values)]
-
-    def _range(self) -> dict[str, object]:
-        low, high = self.record.reach.discharge_range
-        return {"low": low, "high": high, "is_declared": self.record.declared("discharge_range")}
+        return [Finding("range", self.range | values)]
 
 
 def _level(

@@ -7,7 +7,6 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 
 import datetime as dt
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial, reduce
@@ -176,13 +175,10 @@ def _unpack(
     refuse_rows(name, metadata.num_rows, limits[1])
     unpacked = sum(max(metadata.row_group(i).total_byte_size, 0) for i in range(metadata.num_row_groups))
     refuse_size(name, unpacked, limits[0])
-    counts = Counter(schema.names)
-    read = wanted or [column for column in schema.names if counts[column] == 1]
+    read = wanted or [column for column in schema.names if schema.names.count(column) == 1]
     texts = [column for column in read if _is_text(schema.field(column).type)]
     for column in wanted or ():
-        kind = schema.field(column).type
-        if column in texts:
-            continue
+        kind, expected = schema.field(column).type, ""
         is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
         counted = spec.input.time_format in UNIX and len(spec.time) == 1 and is_number
         if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
@@ -190,9 +186,8 @@ def _unpack(
             expected = f"times or text{hint if is_number else ''}"
         elif column in spec.sources and not is_number:
             expected = "numbers"
-        else:
-            continue
-        raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
+        if expected and column not in texts:
+            raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
     if texts:  # as codes, so that a long text that many rows share stays one
         file = opened(pa.BufferReader(content), read_dictionary=texts)
     table = file.read(columns=wanted, use_threads=False)

@@ -165,25 +165,25 @@ NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
 def find_tags(layout: Layout, file: str) -> None:
     """Find the columns of values, or the tags of a long table; `file` names the tag if no column does."""
-    value_at = _value_column(layout)
+    names, value_at = layout.names, _value_column(layout)
     tags_at = () if value_at is None else _tag_columns(layout, value_at)
-    if value_at is not None and layout.blocks:
+    if value_at is None or not (layout.blocks or tags_at or VALUE.fullmatch(names[value_at])):
+        cells = layout.cells()
+        layout.columns = [(names[i], layout.units[i], cells[i]) for i in cells if names[i]]
+    elif layout.blocks:
         _by_tag(layout, value_at, layout.blocks, layout.block_units)
-    elif value_at is not None and tags_at:
+    elif tags_at:
         tags = [" ".join(row[i] for i in tags_at) for row in layout.rows]
-        unit_at = next((i for i, name in enumerate(layout.names) if is_unit_column(name)), None)
-        value = layout.names[value_at]  # it may state a unit, as discharge_cfs
-        flow, level = (stated_unit(value, "", level=level) for level in (False, True))
+        # the column of values may state a unit, as discharge_cfs
+        flow, level = (stated_unit(names[value_at], "", level=level) for level in (False, True))
         units = dict.fromkeys(tags, flow or level)
+        unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), None)
         if unit_at is not None:
             units = {tag: row[unit_at] for tag, row in zip(tags[::-1], layout.rows[::-1], strict=True)}
-        layout.tag = tuple(layout.names[i] for i in tags_at)
+        layout.tag = tuple(names[i] for i in tags_at)
         _by_tag(layout, value_at, tags, units)
-    elif value_at is not None and VALUE.fullmatch(layout.names[value_at]):
-        _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
     else:
-        names, units = layout.names, layout.units
-        layout.columns = [(names[i], units[i], cells) for i, cells in layout.cells().items() if names[i]]
+        _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
 
 
 def _value_column(layout: Layout) -> int | None:
