@@ -17,8 +17,7 @@ from rivid.errors import DataError, PendingError
 from rivid.logs.days import DataSet, DaySource, find_days, read_window, refuse_columns, spans_of
 from rivid.types import ONE_DAY
 
-LONGEST = 100_000
-"""Longest span in which days without a log are listed [days]."""
+LONGEST = 100_000  # longest span in which days without a log are listed [days]
 
 
 def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None) -> Report:

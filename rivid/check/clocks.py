@@ -11,40 +11,30 @@ from rivid.check.record import BELIEVED, NEAR, Fit, Fits, Record, consecutive
 from rivid.types import Floats
 
 # Smallest shifts that are reported
+# smallest clock offset [s]; smaller ones are within operator reaction and wave travel time
 SMALLEST = {"pool": 30 * 60.0, "river": 50 * 60.0}
-"""Smallest clock offset [s]; smaller ones are within operator reaction and wave travel time."""
+# smallest drift over the record [s]; the delay of a river changes by itself
 DRIFT = {"pool": 20 * 60.0, "river": 90 * 60.0}
-"""Smallest drift over the record [s]; the delay of a river changes by itself."""
-AT_THE_GATE = 50 * 60.0
-"""Longest time in which the level answers the outflow [s]: the gauge is at the gate."""
-GAIN = 0.12
-"""Smallest increase of the explained share by a day's own lags instead of the usual ones."""
+AT_THE_GATE = 50 * 60.0  # longest time in which the level answers the outflow [s]: the gauge is at the gate
+GAIN = 0.12  # smallest increase of the explained share by a day's own lags instead of the usual ones
+# smallest increase of the explained share by exchanged columns: of all days together, of one day
 REVERSED, REVERSED_DAY = 0.15, 0.25
-"""Smallest increase of the explained share by exchanged columns: of all days together, of one day."""
-WELL = 0.6
-"""Explained share from which on a day has its right date."""
+WELL = 0.6  # explained share from which on a day has its right date
+# smallest increase of the explained share by another day's flows: of all such days together, of each
 OTHER_DAY, OTHER_DAY_EACH = 0.2, 0.12
-"""Smallest increase of the explained share by another day's flows: of all such days together, of each."""
 
 # Agreement between days
-ALIKE = 15 * 60.0
-"""Lags that differ by less agree [s]."""
+ALIKE = 15 * 60.0  # lags that differ by less agree [s]
+# consecutive days that must agree: weather changes a single day, and a river's delay for some
 FEW = {"pool": 3, "river": 7}
-"""Consecutive days that must agree: weather changes a single day, and a river's delay for some."""
-DENSE = 0.6
-"""Share of the days between the first and the last of a group that must agree."""
-ENOUGH = 0.4
-"""Smallest share of days with a believed fit."""
+DENSE = 0.6  # share of the days between the first and the last of a group that must agree
+ENOUGH = 0.4  # smallest share of days with a believed fit
+# weight of lags that water can have against lags that it cannot have, in the choice of the usual ones
 POSSIBLE = 10
-"""Weight of lags that water can have against lags that it cannot have, in the choice of the usual ones."""
-UNUSUAL = 1.6
-"""Largest logarithm of the flow over the median at which a river's delays are compared."""
-STRAIGHT = 4.0
-"""Smallest ratio of a drift to the scatter of the lags about its line."""
-FEWEST = 6
-"""Fewest days that a drift is estimated from."""
-MOST_PAIRED = 300
-"""Most days of which all pairs are compared."""
+UNUSUAL = 1.6  # largest logarithm of the flow over the median at which a river's delays are compared
+STRAIGHT = 4.0  # smallest ratio of a drift to the scatter of the lags about its line
+FEWEST = 6  # fewest days that a drift is estimated from
+MOST_PAIRED = 300  # most days of which all pairs are compared
 
 SHIFTS = {
     (-1, 0): ("u_Qi", "early"),

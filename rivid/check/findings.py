@@ -13,12 +13,9 @@ from rivid.text import day_range, spans
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
 
-MOST_RANGES = 4
-"""Spans of dates that are listed; the others are counted."""
-MOST_ITEMS = 3
-"""Events of a day that are listed; the others are counted."""
-WIDTH = 79
-"""Columns of the report."""
+MOST_RANGES = 4  # spans of dates that are listed; the others are counted
+MOST_ITEMS = 3  # events of a day that are listed; the others are counted
+WIDTH = 79  # columns of the report
 
 _STAMPED = "{column} is stamped {off_s:span} too {sense} against {reference}"
 _TIMES = "{large} is {ratio:times} times {small}"

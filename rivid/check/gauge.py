@@ -14,40 +14,26 @@ from rivid.check.record import BELIEVED, Fits, Record
 from rivid.types import HOUR, ONE_DAY, Floats
 
 # Gauges that stand still
-SHORTEST = 2 * HOUR
-"""Shortest reported spell without motion [s]."""
-SAMPLES = 16
-"""Fewest samples of such a spell."""
-LONGER = 4.0
-"""Smallest ratio of the spell to the usual longest one of a day."""
-STEPS = 1.5
-"""Smallest motion of the level that the flows imply for the spell [steps of the gauge]."""
-FLOW_STEPS, FLOW_SHARE = 5.0, 0.15
-"""The same for a river: steps of the gauge, and share of the flow."""
-FLICKER = 2
-"""Range of a stuck gauge that flickers [steps of the gauge]: one step up and down."""
-MOST = 3
-"""Most spells of a day that are compared."""
+SHORTEST = 2 * HOUR  # shortest reported spell without motion [s]
+SAMPLES = 16  # fewest samples of such a spell
+LONGER = 4.0  # smallest ratio of the spell to the usual longest one of a day
+STEPS = 1.5  # smallest motion of the level that the flows imply for the spell [steps of the gauge]
+FLOW_STEPS, FLOW_SHARE = 5.0, 0.15  # the same for a river: steps of the gauge, and share of the flow
+FLICKER = 2  # range of a stuck gauge that flickers [steps of the gauge]: one step up and down
+MOST = 3  # most spells of a day that are compared
 
 # Jumps
-JUMP = 8.0
-"""Smallest jump, as a multiple of the 99th percentile of the moves."""
-JUMP_STEPS = 6.0
-"""Smallest jump [steps of the gauge]."""
-AROUND = 6
-"""Samples on either side of a jump, which must differ by it in the median."""
-BACK = HOUR
-"""Longest time within which a spike returns [s]."""
-BACKS = range(-1, 4)
-"""Samples by which the level may follow the gate's move."""
+JUMP = 8.0  # smallest jump, as a multiple of the 99th percentile of the moves
+JUMP_STEPS = 6.0  # smallest jump [steps of the gauge]
+AROUND = 6  # samples on either side of a jump, which must differ by it in the median
+BACK = HOUR  # longest time within which a spike returns [s]
+BACKS = range(-1, 4)  # samples by which the level may follow the gate's move
 
 # Flows
-MOMENT = 300.0
-"""Longest excursion of a flow that is an error rather than an operation [s]."""
+MOMENT = 300.0  # longest excursion of a flow that is an error rather than an operation [s]
+# largest difference before and after an excursion, and smallest one in it [share of the flow]
 SAME, FAR = 0.1, 0.6
-"""Largest difference before and after an excursion, and smallest one in it [share of the flow]."""
-MOVED = 20
-"""Fewest moves of the gauge in a day at which two equal days are no coincidence."""
+MOVED = 20  # fewest moves of the gauge in a day at which two equal days are no coincidence
 
 Spells = dict[dt.date, list[tuple[int, int]]]
 

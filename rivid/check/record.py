@@ -26,24 +26,18 @@ Kept = NDArray[np.float32]
 Sums = tuple[Floats, ...]
 """Sums over the samples of a day, for every lag: yy, x_i y, x_o y, x_i x_i, x_o x_o, x_i x_o."""
 
-FINEST = 60.0
-"""Shortest sample time kept [s]; finer samples are averaged, so that decades fit into memory."""
+FINEST = 60.0  # shortest sample time kept [s]; finer samples are averaged, so that decades fit into memory
+# lags searched beyond the expected ones [s]: a clock that is an hour off must lie well inside
 AROUND = 1.75 * HOUR
-"""Lags searched beyond the expected ones [s]: a clock that is an hour off must lie well inside."""
-LONGEST = 24 * HOUR
-"""Longest lag searched [s]."""
-LEAST = 24
-"""Fewest samples of a day that are fitted."""
+LONGEST = 24 * HOUR  # longest lag searched [s]
+LEAST = 24  # fewest samples of a day that are fitted
+# a flow that moves by less than this part of its size does not move: rounding alone gives about 1e-13
 STILL = 1e-10
-"""A flow that moves by less than this part of its size does not move: rounding alone gives about 1e-13."""
-SINGULAR = 1e-6
-"""Smallest determinant of the normal equations, relative to the product of their diagonal."""
+SINGULAR = 1e-6  # smallest determinant of the normal equations, relative to the product of their diagonal
+# moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted
 LEAP = 10.0
-"""Moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted."""
-BELIEVED = 0.35
-"""Smallest share of the variance of the output's moves that a believed fit explains."""
-NEAR = 20 * 60.0
-"""Lags within this distance of the usual ones count as usual [s]."""
+BELIEVED = 0.35  # smallest share of the variance of the output's moves that a believed fit explains
+NEAR = 20 * 60.0  # lags within this distance of the usual ones count as usual [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,11 @@ from rivid.logs.log import load
 from rivid.logs.spec import MICRO, clocks_change, local, spec_of
 from rivid.types import Ints
 
-OFF = 0.02
-"""Smallest reported difference between the spacing and T_s [relative]."""
-FEW = 0.05
-"""Smallest share of days with another spacing: fewer are days with gaps."""
+OFF = 0.02  # smallest reported difference between the spacing and T_s [relative]
+FEW = 0.05  # smallest share of days with another spacing: fewer are days with gaps
+# distance of a step from a multiple of the median one, relative to it, that is odd; share of odd steps beyond
+# which rows are irregular. Multiples are missing rows
 UNEVEN, ODD = 0.1, 0.3
-"""Distance of a step from a multiple of the median one, relative to it, that is odd; share of odd steps
-beyond which rows are irregular. Multiples are missing rows."""
 HOUR = 3600 * MICRO
 
 

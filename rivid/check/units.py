@@ -12,32 +12,24 @@ from rivid.config import Config
 from rivid.input_config import UNITS
 
 # Flows
-FLOW_MARGIN = 1.2
-"""Tolerance of a unit's factor between two flows [ratio]: gains, losses and storage."""
-MOVES = 3.0
-"""Tolerance between the ratios of means and of moves: a unit scales both, a reservoir does not."""
-OPEN = 1.5
-"""Smallest ratio of inflow and outflow of an open balance."""
-PART = 0.3
-"""Smallest missing part of the usual inflow [-]."""
+FLOW_MARGIN = 1.2  # tolerance of a unit's factor between two flows [ratio]: gains, losses and storage
+MOVES = 3.0  # tolerance between the ratios of means and of moves: a unit scales both, a reservoir does not
+OPEN = 1.5  # smallest ratio of inflow and outflow of an open balance
+PART = 0.3  # smallest missing part of the usual inflow [-]
+# fewest consecutive days of a missing part, or smallest share of all days: one odd day is weather
 FEWEST, MOST_DAYS = 3, 0.8
-"""Fewest consecutive days of a missing part, or smallest share of all days: one odd day is weather."""
+# smallest ratio of a median flow to the ends of [reach] discharge_range that suggests another unit
 RANGE_MARGIN = 10.0
-"""Smallest ratio of a median flow to the ends of [reach] discharge_range that suggests another unit."""
-OUTSIDE = 0.25
-"""Smallest share of the inflow's samples outside [reach] discharge_range that is reported [-]."""
+OUTSIDE = 0.25  # smallest share of the inflow's samples outside [reach] discharge_range that is reported [-]
 
 # Level
+# tolerance of a unit's factor in the level [ratio], as areas are uncertain; smaller below FEW days
 AREA_MARGIN, AREA_MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
-"""Tolerance of a unit's factor in the level [ratio], as areas are uncertain; smaller below FEW days."""
+# smallest ratio between two areas, of the balance, of length and width or declared, that is reported
 FAR = 4.0
-"""Smallest ratio between two areas, of the balance, of length and width or declared, that is reported."""
-HEIGHT_MARGIN = 1.1
-"""Tolerance of a unit's factor between the heights of days [ratio]."""
-LEVEL_SPAN = 20.0
-"""Largest motion of a forebay in the record [m]."""
-DEEPEST = 200.0
-"""Largest depth of a forebay [m]."""
+HEIGHT_MARGIN = 1.1  # tolerance of a unit's factor between the heights of days [ratio]
+LEVEL_SPAN = 20.0  # largest motion of a forebay in the record [m]
+DEEPEST = 200.0  # largest depth of a forebay [m]
 
 
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:

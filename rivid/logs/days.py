@@ -84,8 +84,8 @@ class Catalog:
     files: dict[str, FileFacts]  # by relative path
 
 
+# a day's file of more rows or bytes holds more than the single row at its midnight, and is not opened
 FEW_ROWS, FEW_BYTES = 4, 8192
-"""A day's file of more rows or bytes holds more than the single row at its midnight, and is not opened."""
 
 
 def find_days(
@@ -237,11 +237,10 @@ def _hash(path: Path, size: int) -> tuple[str, int]:
     return sha256(content).hexdigest(), content.count(b"\n") if plain else max(size - FEW_BYTES, 0)
 
 
-UNLIKE = 0.02
-"""Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
+UNLIKE = 0.02  # part of an interval by which the steps of a log may differ from it: clocks are rounded
 
+# a step of this many usual intervals means that a value is missing between; less is an unsteady clock
 MISSED = 1.5
-"""A step of this many usual intervals means that a value is missing between; less is an unsteady clock."""
 
 
 class TrailingGap(DataError):
@@ -402,8 +401,8 @@ def _span(micros: int) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
+# where a day ends last: what is not yet over there may not be over at a clock of unknown zone
 LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
-"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
 OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 

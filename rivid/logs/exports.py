@@ -42,8 +42,7 @@ from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
 from rivid.types import ONE_DAY, Floats, Ints
 
-EMPTY = frozenset(InputConfig().missing)
-"""Marks that no system writes for a state of its instruments."""
+EMPTY = frozenset(InputConfig().missing)  # marks that no system writes for a state of its instruments
 _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
 """A source in one file: file name, columns, times [us UTC], values and statuses."""
 
@@ -398,10 +397,10 @@ def _advice(columns: Sequence[Canonical], series: TimedValues, grid: Grid) -> st
     return ""
 
 
+# status of the values of a day that is not used
 OF_DAY = {"refused": ValueStatus.REFUSED, "pending": ValueStatus.PENDING, "differs": ValueStatus.STANDING}
-"""Status of the values of a day that is not used."""
+# keys of `[input]` on how days are made of values, not on what a file looks like
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
-"""Keys of `[input]` on how days are made of values, not on what a file looks like."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ import numpy as np
 from rivid.errors import DataError
 from rivid.logs.spec import MANY, refuse_rows, refuse_size
 
+# columns of the tables that are not of a workbook; `flag` where there are flags
 HEADER = ("time", "tag", "value", "unit", "flag")
-"""Columns of the tables that are not of a workbook; `flag` where there are flags."""
 Rows = Iterator[Sequence[Any]]
 
 
@@ -186,8 +186,7 @@ def _dss(content: bytes) -> Rows:
 
 DSS_MISSING = (-901.0, -902.0, -float(np.finfo(np.float32).max))
 """Values that HEC-DSS stores for missing ones."""
-ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-"""First bytes of workbooks, new and old."""
+ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # first bytes of workbooks, new and old
 
 
 def _is_workbook(content: bytes) -> bool:

@@ -66,10 +66,9 @@ pa.enable_signal_handlers(False)  # its CSV reader loses a signal that comes whi
 
 _OFFSET = re.compile(r"\d{1,2}:?\d\d.*?(Z|[+-]\d\d(?::?\d\d)?)$")
 _FLOAT = pa.float64()
-LONGEST_TEXT = 200
-"""Characters of a cell of Parquet: a text column is unpacked only where no cell is longer."""
+LONGEST_TEXT = 200  # characters of a cell of Parquet: a text column is unpacked only where no cell is longer
+# of the metadata of Parquet: a damaged length must not ask for gigabytes
 _FOOTER = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 200_000}
-"""Of the metadata of Parquet: a damaged length must not ask for gigabytes."""
 
 
 def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
@@ -303,8 +302,7 @@ def _mark(rows: Bools, bad: dict[int, str], reason: str) -> None:
         bad.setdefault(i, reason)
 
 
-LARGEST = 1e6
-"""Largest flow [m3/s] or level [m]: beyond any river or gauge, so a larger number is damage."""
+LARGEST = 1e6  # largest flow [m3/s] or level [m]: beyond any river or gauge, so a larger number is damage
 
 PLAIN = (
     *(-999.0, -999.9, -999.99, -999.999, -9999.0, -9999.9, -9999.99, -99999.0, -999999.0),
@@ -315,16 +313,15 @@ PLAIN = (
 ROUND = (-99.0, -99.9, -99.99, -777.0, -1000.0)
 """Others, which a pump may be set to: they must lie farther off, and among values that are all positive."""
 SENTINELS = (*PLAIN, *ROUND)
+# a number that is off by less than the range of the values and this part of the largest is taken as data
 NEAR = 0.1
-"""A number that is off by less than the range of the values and this part of the largest is taken as data."""
-FARTHER = 2.0
-"""Number of such distances by which a number of :data:`ROUND` must be off."""
+FARTHER = 2.0  # number of such distances by which a number of :data:`ROUND` must be off
 _LEAST, _MOST = max(s for s in SENTINELS if s < 0), min(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
 
 _kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
+# files and rows that a process keeps in memory, as windows share days; two files are kept in any case
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
-"""Files and rows that a process keeps in memory, as windows share days; two files are kept in any case."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,10 @@ from rivid.input_config import UNITS, InputConfig
 from rivid.logs import suffix_of
 from rivid.types import ONE_DAY, Ints
 
+# microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare
 MICRO = 1_000_000
-"""Microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare."""
 
-ON_TIME = 0.01
-"""A sample this part of T_s late still counts for its instant: clocks are rounded to ms or s."""
+ON_TIME = 0.01  # a sample this part of T_s late still counts for its instant: clocks are rounded to ms or s
 
 
 @dataclass(frozen=True)
@@ -187,8 +186,8 @@ _QUARTER = 900 * MICRO  # offsets change at quarters of an hour only
 _DAY = 86_400 * MICRO
 _MICROSECOND = dt.timedelta(microseconds=1)
 _HOUR_24 = re.compile(r"(?<![\d:])24(?=:?00(?::?00(?:[.,]0+)?)?(?![\d:]))")
+# time formats that count seconds or milliseconds of UTC since 1970, as [us]
 UNIX = {"unix": MICRO, "unix_ms": 1000}
-"""Time formats that count seconds or milliseconds of UTC since 1970, as [us]."""
 
 
 @lru_cache(maxsize=4096)
@@ -299,8 +298,8 @@ def _moment(text: str, time_format: str | None) -> dt.datetime | None:
 
 
 _DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
+# bytes that are read at a time where the size is not known: small next to any limit of memory
 CHUNK = 1 << 20
-"""Bytes that are read at a time where the size is not known: small next to any limit of memory."""
 
 
 class CutError(DataError):

@@ -20,8 +20,8 @@ from rivid.logs.spec import MICRO, CutError, Spec, read_text, seconds_of
 from rivid.types import Floats, Ints
 
 NAN = float("nan")
+# prefix in `Columns.why` where a flag, not the cell's own text, is the reason for a missing value
 FLAG = "\0"
-"""Prefix in `Columns.why` where a flag, not the cell's own text, is the reason for a missing value."""
 
 
 class UndeclaredError(DataError):
@@ -174,16 +174,12 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
 
 LINE = re.compile(r"\r\n|\n|\r")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
-MANY_TEXTS = 20
-"""Different texts of an unread column; with more of them it holds no flags."""
-MOST_FOOTERS = 20
-"""Lines at the end of a file that are checked; more without a time are no footer."""
-TAIL = 64 << 10
-"""Bytes at the end of a file that hold these lines."""
+MANY_TEXTS = 20  # different texts of an unread column; with more of them it holds no flags
+MOST_FOOTERS = 20  # lines at the end of a file that are checked; more without a time are no footer
+TAIL = 64 << 10  # bytes at the end of a file that hold these lines
 _ENDLESS = 10**9
 _DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d|\d{8}")
-ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")
-"""Unit of a block in a comment of a ZRXP file."""
+ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")  # unit of a block in a comment of a ZRXP file
 _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 _NO_TEXT = {
     b"\x1f\x8b": "gzip, though its name does not end in .gz: let it end in .csv.gz",

@@ -30,10 +30,10 @@ _LEVEL_UNITS = (
     ("mm", r"mm"),
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
 )
+# what may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`
 _DATUM = r"( ?(\+|above|over|über|ü\.|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
-"""What may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`."""
+# names of an outside level: the level of the reach only where no other is logged
 TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a-z])"
-"""Names of an outside level: the level of the reach only where no other is logged."""
 _ROLES = (
     (
         "h_L",
@@ -62,11 +62,10 @@ _SURE = {
     r"|deflu|efluent",
     "flow": r"^q_l$",
 }
+# names of a side of the reach; other names are of a place or a device on one side or the other
 _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|monte|jusante|valle"
-"""Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
-_QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"
-"""Names of a column of flags."""
+_QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"  # names of a column of flags
 
 Questions = list[tuple[str, str]]
 """What could not be decided: the key of `[input]`, which may be empty, and the question."""
@@ -234,8 +233,8 @@ def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str
     layout.steps = layout.tag_steps[min(stepping, key=layout.usual)] if stepping else []
 
 
+# flags that usually mean a good value; beside OPC's 192, 0 means a bad one
 GOOD = frozenset(("good", "ok", "valid", "a", "approved", "0", "192", "g", "gut", "bon", "normal"))
-"""Flags that usually mean a good value; beside OPC's 192, 0 means a bad one."""
 OFFSETS = {
     "UTC": "+00:00", "GMT": "+00:00", "Z": "+00:00", "WET": "+00:00", "WEST": "+01:00", "BST": "+01:00",
     "CET": "+01:00", "MEZ": "+01:00", "CEST": "+02:00", "MESZ": "+02:00", "EET": "+02:00", "EEST": "+03:00",
@@ -331,8 +330,7 @@ def _is_flag(name: str) -> bool:
 Group = list[ColumnGuess]
 NO_INFLOW = "no column is called like an inflow: set u_Qi"
 NO_OUTPUT = "no column is called like a level or a second discharge: set h_L, or Q_L of a river"
-MOST = 6
-"""Other choices that are shown."""
+MOST = 6  # other choices that are shown
 _BREAK = re.compile(r"[\s._:/\\|-]+")
 _NO_SITE = re.compile(
     r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cot[ea]|hauteur"

@@ -11,12 +11,11 @@ from rivid.errors import DataError
 from rivid.logs.spec import read_text
 from rivid.logs.text import LINE, ZRXP_UNIT, split_cells, unmarked_utf16
 
+# in this order where several fit: a comma may be a decimal mark, a blank may be within a time
 SEPARATORS = (";", "\t", "|", ",", " ")
-"""In this order where several fit: a comma may be a decimal mark, a blank may be within a time."""
-MARKS = ("#", "!", "%", "//")
-"""Prefixes of lines without data, in the order in which they are tried."""
+MARKS = ("#", "!", "%", "//")  # prefixes of lines without data, in the order in which they are tried
+# regular expression of the comment of a ZRXP file that holds the tag of the rows below
 ZRXP_TAG = "#REXCHANGE([^|]+)"
-"""Regular expression of the comment of a ZRXP file that holds the tag of the rows below."""
 _DATES = "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y".split()
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
@@ -25,15 +24,15 @@ FORMATS: tuple[str | None, ...] = (
     *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d%H", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
 )
 """Formats of times that are tried; None is ISO 8601."""
+# length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05
 _DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12, "%Y%m%d%H": 10}
-"""Length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05."""
 _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+# formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap
 EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
-"""Formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap."""
+# names of columns of times
 _TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
-"""Names of columns of times."""
+# longest step [us] between rows: the wrong order of day and month makes steps of months
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
-"""Longest step [us] between rows: the wrong order of day and month makes steps of months."""
 
 
 @dataclass

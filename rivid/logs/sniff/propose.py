@@ -23,16 +23,11 @@ from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
 
 DEFAULT = InputConfig()
-WIDTH = 80
-"""Characters of a line of the proposal."""
-HEAD_BYTES = 2 << 20
-"""Bytes from the beginning that are read for the layout: a year at 10 min, and quick."""
-HEAD_ROWS = 20_000
-"""Rows of these."""
-MOST_NAMES = 3
-"""Files that are named at the top of the proposal."""
-UNSTEADY = 0.3
-"""Share of odd steps [-] beyond which values come when they change, not regularly."""
+WIDTH = 80  # characters of a line of the proposal
+HEAD_BYTES = 2 << 20  # bytes from the beginning that are read for the layout: a year at 10 min, and quick
+HEAD_ROWS = 20_000  # rows of these
+MOST_NAMES = 3  # files that are named at the top of the proposal
+UNSTEADY = 0.3  # share of odd steps [-] beyond which values come when they change, not regularly
 FILL_IN = (
     "# fill in; what is left out is taken from the reach of the examples:",
     "# length =           # m, from dam to dam",
