@@ -152,7 +152,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
             piece = _piece(name, columns, times, file, spec)
             piece[-1][rows] = ValueStatus.TIME
             pieces[name].append(piece)
-    series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
+    series = {name: _join(name, found, zone, faults) for name, found in pieces.items()}
     return zone, series, sorted(faults)
 
 
@@ -319,10 +319,6 @@ class DayResult:
     rows: int = 0
     filled: int = 0  # samples of the grid that lie in gaps
 
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        return {**self.__dict__, "date": str(self.date)}
-
 
 DayRows = tuple[TimedValues, Origins, Origins]
 """Of a day: its values; the rows of the sources that they come from; its reports, sampled or not."""
@@ -427,7 +423,7 @@ class Outcome:
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         return {
-            "days": [day.to_json() for day in self.days],
+            "days": [{**vars(day), "date": str(day.date)} for day in self.days],
             "counts": dict(self.counts),
             "values": self.ledger,
             "notes": self.notes,
