@@ -109,7 +109,8 @@ def _dates(record: Record, fits: Fits) -> list[Finding]:
     for date, fit in fits.right.items():
         if fit.explained < WELL:
             each = [(fits.of([date], shift)[0].explained, shift) for shift in shifts]
-            groups[max([(fit.explained + OTHER_DAY_EACH, (0, 0)), *each])[1]].append(date)
+            _, best = max([(fit.explained + OTHER_DAY_EACH, (0, 0)), *each])
+            groups[best].append(date)
     found = []
     for shift, some in groups.items():
         days = _in_rows(record, some, list(fits.right), whole=True) if any(shift) else []

@@ -36,11 +36,11 @@ def as_text(content: bytes, name: str) -> bytes:
     `name` is the file, in messages. DataError where the file is damaged, holds no values or too many, or its
     library is not installed.
     """
-    kind, read = next(((kind, read) for kind, (is_of, read) in FORMATS.items() if is_of(content)), ("", None))
-    if read is None:
+    kind = next((kind for kind, (is_of, _) in FORMATS.items() if is_of(content)), None)
+    if kind is None:
         return content
     try:
-        rows = list(islice(read(content), MANY[1] + 1))
+        rows = list(islice(FORMATS[kind][1](content), MANY[1] + 1))
     except ModuleNotFoundError as error:
         raise DataError(f"{name} is {kind}: reading it needs pip install 'rivid[formats]'") from error
     except Exception as error:  # libraries raise what they like on a damaged file

@@ -93,12 +93,11 @@ class Proposal:
     """
 
     def __init__(self, layouts: list[Layout], name: str, time_zone: str | None) -> None:
-        self.layouts, self.layout = layouts, layouts[0]
-        layout = self.layout
+        self.layout = layout = layouts[0]
+        self.footer = max((each.footer for each in layouts), key=len)
         self.time_zone = time_zone or layout.zone or None
         self.questions: list[tuple[str, str]] = []
-        unlike = sum(_kind(other) != _kind(layout) for other in layouts[1:])
-        if unlike:
+        if unlike := sum(_kind(other) != _kind(layout) for other in layouts[1:]):
             self.ask("encoding", f"{unlike} of the files are of another kind than the first")
         sources = list({entry[0]: entry for each in layouts for entry in each.columns}.values())
         self.flags = find_flags(layout)
@@ -118,19 +117,16 @@ class Proposal:
         self.used = [column for group in self.roles.values() for column in group]
         self.step = middle(layout.steps) / MICRO
         self.every = min((column.every for column in self.used), default=1)
-        self.tables: dict[str, dict[str, Any]] = {}
         self.keys = self._keys()
         self._clock()
         self._units()
         self._flags()
-        footer = max((each.footer for each in layouts), key=len)
-        if footer:
-            ends = ", ".join(repr(line.strip()[:30]) for line in footer[:3])
-            lines = f"the last {len(footer)} lines hold" if len(footer) > 1 else "the last line holds"
+        if self.footer:
+            ends, count = ", ".join(repr(line.strip()[:30]) for line in self.footer[:3]), len(self.footer)
+            lines = f"the last {count} lines hold" if count > 1 else "the last line holds"
             self.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
         self._stamps()
-        left = [column.name for column in self.columns if column not in self.used]
-        if left:
+        if left := [column.name for column in self.columns if column not in self.used]:
             self.ask("", f"{'tags' if layout.value else 'columns'} left out: {', '.join(left)}")
         if any(self.instead.values()):
             self.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
@@ -167,12 +163,11 @@ class Proposal:
             "skip_rows": layout.skip_rows,
             "header_rows": layout.header_rows,
             "unit_rows": layout.unit_rows,
-            "footer_rows": max(len(each.footer) for each in self.layouts),
+            "footer_rows": len(self.footer),
             "repeated_header": "drop" if layout.repeated else None,
             "sentinels": sorted({s for column in self.used for s in column.sentinels} | {*layout.missing}),
         }
-        texts = list(dict.fromkeys(text for column in self.used for text in column.texts))
-        if texts:
+        if texts := list(dict.fromkeys(text for column in self.used for text in column.texts)):
             keys["missing"] = [*DEFAULT.missing, *texts]
             self.ask("missing", f"{', '.join(map(repr, texts[:6]))}: taken for values that are not measured")
         return keys
@@ -196,7 +191,7 @@ class Proposal:
                 self.keys["ambiguous"] = "order"
 
     def _units(self) -> None:
-        self.tables["units"] = {role: group[0].unit for role, group in self.roles.items() if group[0].unit}
+        self.keys["units"] = {role: group[0].unit for role, group in self.roles.items() if group[0].unit}
         stated = {name: unit for name, unit, _ in self.layout.columns}
         for role, group in self.roles.items():
             if len({column.unit for column in group}) > 1:
@@ -211,19 +206,15 @@ class Proposal:
         """Columns of flags and zones, and those that may be neither."""
         flags = self.flags
         if flags.zones:
-            self.keys["zone_column"], self.tables["zones"] = flags.zone_column, flags.zones
+            self.keys |= {"zone_column": flags.zone_column, "zones": flags.zones}
             self.ask("zones", f"offsets of {', '.join(flags.zones)}: by their usual meaning")
         own = {
             role: [flags.owned[column.name] for column in group if column.name in flags.owned]
             for role, group in self.roles.items()
         }
         whole = {r: _one_or_all(f) for r, f in own.items() if f and len(f) == len(self.roles[r])}
-        if whole and not self.layout.value:
-            self.tables["quality"] = whole
-        elif flags.of_row:
-            self.keys["quality"] = flags.of_row
-        if "quality" in self.tables or "quality" in self.keys:
-            self.keys["good"] = flags.good
+        if whole or flags.of_row:
+            self.keys |= {"quality": whole or flags.of_row, "good": flags.good}
             good = ", ".join(map(repr, flags.good))
             self.ask("good", f"flags: {flags.counted}; {good} taken as good, no other")
         flagged = {flag for columns in own.values() for flag in columns} | {flags.of_row}
@@ -248,7 +239,7 @@ class Proposal:
         else:
             slow = {role: group[0].every for role, group in self.roles.items() if group[0].every > self.every}
             intervals = {role: every * step for role, every in slow.items() if step}
-        self.tables["interval"] = intervals
+        self.keys["interval"] = intervals
         if step * self.every > DEFAULT.max_gap:  # one value may be missing
             self.keys["max_gap"] = step * self.every
         late = f" ({step * self.every:g} s)" if step else ""
@@ -267,7 +258,7 @@ class Proposal:
             lines.append(f"sample_time = {self.step * self.every:g}")
         lines += [*FILL_IN, "", "[input]"]
         for key, value in self.keys.items():
-            if value is None or value == getattr(DEFAULT, key):
+            if value is None or value == getattr(DEFAULT, key) or isinstance(value, dict):
                 continue
             lines += _entry(key, value)
             for group in self.instead.get(key, ()):
@@ -276,7 +267,8 @@ class Proposal:
             formats = " or ".join(map(_toml, (self.layout.time_format, *self.layout.other_formats)))
             lines.append(f"# time_format = {formats}: choose one")
         for table in ("units", "interval", "zones", "quality"):
-            if entries := self.tables.get(table):
+            entries = self.keys.get(table)
+            if entries and isinstance(entries, dict):
                 lines += ["", f"[input.{table}]"]
                 lines += [line for key, value in entries.items() for line in _entry(_key(key), value)]
         lines += ["", "# Not decided:"]
