@@ -527,9 +527,11 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
             why = OFFSETS if b.date - a.date == ONE_DAY else "are not consecutive days"
             raise DataError(f"{a.date} and {b.date} {why}")
     series = {name: _join([day[name] for day, _ in days]) for name in days[0][0]}
-    if span:
-        series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}
     start, end = span or (bounds[0][0], bounds[-1][1])
+    for name, (times, values) in series.items() if span else ():  # from the last value at its start on
+        low = max(int(times.searchsorted(start + spec.tolerance, side="right")) - 1, 0)
+        high = int(times.searchsorted(end - spec.tolerance))
+        series[name] = times[low:high], values[low:high]
     grid = make_grid(start, end, spec.period, days[0][1])
     samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
@@ -576,13 +578,6 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
             continue  # the next day's fault: without its row, the gap at the end decides
         series = _closed(series, log, logs[0].bounds(date)[1])
     return series, zone
-
-
-def _within(times: Ints, values: Floats, span: Span, late: int) -> tuple[Ints, Floats]:
-    """The values of a span, from the last one at or before its start on."""
-    low = max(int(times.searchsorted(span[0] + late, side="right")) - 1, 0)
-    high = int(times.searchsorted(span[1] - late))
-    return times[low:high], values[low:high]
 
 
 def _join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
