@@ -193,13 +193,11 @@ class Fits:
         if n < LEAST:
             return None
         inflow = self._moves(date + days_in * ONE_DAY, "u_Qi", n)
-        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else None
-        if inflow is None or (record.balanced and outflow is None):
+        none = np.zeros((1, n)), 0, n
+        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else none
+        if inflow is None or outflow is None:
             return None
-        x_i, first, last = inflow
-        x_o = np.zeros((1, n))
-        if outflow is not None:
-            x_o, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
+        first, last = max(inflow[1], outflow[1]), min(inflow[2], outflow[2])
         if last - first < max(n // 3, LEAST):
             return None
         y = (level[h:] - level[:-h])[first:last]
@@ -208,7 +206,8 @@ class Fits:
         if limit > 0:
             y = np.clip(y, middle - limit, middle + limit)
         y = y - y.mean()
-        x_i, x_o = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x_i, x_o))
+        moves = [x[:, first:last] for x, *_ in (inflow, outflow)]
+        x_i, x_o = (x - x.mean(axis=1, keepdims=True) for x in moves)
         return y @ y, x_i @ y, x_o @ y, (x_i**2).sum(1), (x_o**2).sum(1), x_i @ x_o.T
 
     def _moves(self, date: dt.date, name: str, n: int) -> tuple[Floats, int, int] | None:
