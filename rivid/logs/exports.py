@@ -87,16 +87,14 @@ def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[T
         # an export of other tags is no fault; one that was to be read, and of which no row can be, is
         if table.lacking and (not found or not table.others):
             raise UndeclaredError(f"{table.name}, {table.lacking}")
-    for signal in spec.signals:
-        for source in signal.sources:
-            if source not in found:
-                unread = {name for table in tables for name in (*table.others, *table.cells)}
-                near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
-                nearest = f"; nearest is {near[0]!r}" if near else ""
-                raise UndeclaredError(
-                    f"no export holds {source!r} for {signal.name}{nearest}: "
-                    f"set [input] {signal.name} to the export's own name"
-                )
+    for role, source in ((signal.name, source) for signal in spec.signals for source in signal.sources):
+        if source not in found:
+            unread = {name for table in tables for name in (*table.others, *table.cells)}
+            near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
+            nearest = f"; nearest is {near[0]!r}" if near else ""
+            raise UndeclaredError(
+                f"no export holds {source!r} for {role}{nearest}: set [input] {role} to the export's own name"
+            )
     return tables
 
 
@@ -558,11 +556,8 @@ def _refuse_place(out: Path, exports: Sequence[Path]) -> None:
 
 
 def _notes(tables: Sequence[Table]) -> list[str]:
-    others = Counter[str]()
-    unread: dict[str, None] = {}
-    for table in tables:
-        others += table.others
-        unread |= dict.fromkeys(table.cells)
+    others = sum((table.others for table in tables), Counter[str]())
+    unread = dict.fromkeys(name for table in tables for name in table.cells)
     notes = []
     if unread:
         notes.append(f"columns not read: {', '.join(name[:40] for name in unread)}")

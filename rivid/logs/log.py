@@ -411,11 +411,12 @@ def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
 
 
 def load(path: Path, spec: Spec, *, fresh: bool = False) -> Log:
-    """Read a log, or return it as read before; `fresh`: within the clock's tick it may have changed."""
+    """Read a log, or return it as read before; `fresh` reads it in any case."""
     try:
         status = path.stat()
     except OSError as error:
         raise DataError(f"{shown(path.name)} cannot be read: {error.strerror}") from None
+    # within the clock's tick a changed file may look unchanged
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
     log = None if fresh else _kept.pop(key, None)
     if log is None:

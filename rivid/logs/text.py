@@ -149,9 +149,8 @@ def check_names(
                 f"{where}: {count} columns are named {column!r}: expected one; {several}; {rows}"
             )
         if not count:
-            raise ColumnError(
-                f"{where}: no column {column!r} for {role}; {_advice(column, role, names, spec, header)}"
-            )
+            advice = _advice(column, role, names, spec, header)
+            raise ColumnError(f"{where}: no column {column!r} for {role}; {advice}")
 
 
 def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: str) -> str:
