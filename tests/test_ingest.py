@@ -374,6 +374,13 @@ class TestByException:
         assert statuses(outcome) == ["written"] * 3 and outcome.exit_code == 0
         assert value(outcome)["used"] == 2 and value(outcome)["dropped"] == {"not asked for": 1}
 
+    def test_all_by_exception_without_a_possible_time_gives_no_day(self, tmp_path):
+        rows = wide(1, 9, dt.date(2008, 3, 30), zone="")  # 02:15, which the clock does not show that night
+        hold = dict.fromkeys(("u_Qi", "u_Qo", "h_L"), 7200)
+        outcome = go(tmp_path, rows, time_zone="Europe/Paris", hold=hold)
+        assert outcome.days == [] and outcome.exit_code == 10
+        assert value(outcome)["dropped"] == {"ambiguous or impossible time": 1}
+
     def test_run_itself_refuses_such_a_configuration(self, tmp_path):
         write(tmp_path / f"{DAY}.csv", wide())
         for said in ({"hold": {"u_Qi": 60}}, {"layout": "long"}):

@@ -17,10 +17,7 @@ from rivid.errors import DataError, PendingError
 from rivid.logs.days import DataSet, DaySource, find_days, read_window, refuse_columns, spans_of
 from rivid.types import ONE_DAY
 
-__all__ = ["DayReport", "Finding", "Report", "check", "check_days"]
-
-LONGEST = 100_000
-"""Longest span in which days without a log are listed [days]."""
+LONGEST = 100_000  # longest span in which days without a log are listed [days]
 
 
 def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None) -> Report:
@@ -46,17 +43,22 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
         except (OSError, ValueError, MemoryError) as error:
             days.append(DayReport(source.date, "failed", f"cannot be read: {type(error).__name__}: {error}"))
         else:
-            filled = [f"{data.n_filled} of {len(data.inflow)} samples filled"] if data.n_filled else []
-            notes = [*filled, data.notes] if data.notes else filled
+            filled = f"{data.n_filled} of {len(data.inflow)} samples filled" if data.n_filled else ""
+            notes = [*filter(None, (filled, data.notes))]
             days.append(DayReport(data.date, "ok", "", notes, len(data.inflow), data.n_filled))
             record.add(data)
         spacing.add(source, days[-1].reason)
-    findings = [*_future(days, today), *spacing.findings(), *_check_record(record, config)]
+    findings = [*spacing.findings(), *_check_record(record, config)]
+    if today is not None:  # in the zone of the log it may be tomorrow already
+        tomorrow = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY
+        if ahead := [day.date for day in days if day.date > tomorrow]:
+            findings.insert(0, Finding("future", days={date: {} for date in ahead}))
     for day in days:
         day.notes.extend(finding.day_text(day.date) for finding in findings if day.date in finding.days)
     present = {day.date for day in days}
-    span = min((max(present) - min(present)).days, LONGEST)
-    absent = [date for k in range(span) if (date := min(present) + k * ONE_DAY) not in present]
+    first, last = min(present), max(present)
+    every = (first + k * ONE_DAY for k in range(min((last - first).days, LONGEST)))
+    absent = [date for date in every if date not in present]
     return Report(days, catalog.bad_files, absent, findings)
 
 
@@ -87,12 +89,3 @@ def _check_record(record: Record, config: Config) -> list[Finding]:
     flows = units(record, fits, config, doubtful)
     others = [*flows, *shifted, *implausible(record, config.run.min_motion)]
     return [*others, *gauge(record, fits, others)]
-
-
-def _future(days: list[DayReport], today: dt.date | dt.datetime | None) -> list[Finding]:
-    """Find days after tomorrow: in the zone of the log it may be tomorrow already."""
-    if today is None:
-        return []
-    last = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY
-    ahead: dict[dt.date, dict[str, str]] = {day.date: {} for day in days if day.date > last}
-    return [Finding("future", {}, ahead)] if ahead else []

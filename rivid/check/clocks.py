@@ -1,51 +1,40 @@
 """Clocks: a column that is shifted against the others by an hour or a day, or drifts; exchanged columns."""
 
 import datetime as dt
+from collections import defaultdict
 from itertools import compress
 
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
+from rivid.check.record import BELIEVED, NEAR, Fit, Fits, Record, consecutive
 from rivid.types import Floats
 
 # Smallest shifts that are reported
+# smallest clock offset [s]; smaller ones are within operator reaction and wave travel time
 SMALLEST = {"pool": 30 * 60.0, "river": 50 * 60.0}
-"""Smallest clock offset [s]; smaller ones are within operator reaction and wave travel time."""
+# smallest drift over the record [s]; the delay of a river changes by itself
 DRIFT = {"pool": 20 * 60.0, "river": 90 * 60.0}
-"""Smallest drift over the record [s]; the delay of a river changes by itself."""
-AT_THE_GATE = 50 * 60.0
-"""Longest time in which the level answers the outflow [s]: the gauge is at the gate."""
-GAIN = 0.12
-"""Smallest increase of the explained share by a day's own lags instead of the usual ones."""
+AT_THE_GATE = 50 * 60.0  # longest time in which the level answers the outflow [s]: the gauge is at the gate
+GAIN = 0.12  # smallest increase of the explained share by a day's own lags instead of the usual ones
+# smallest increase of the explained share by exchanged columns: of all days together, of one day
 REVERSED, REVERSED_DAY = 0.15, 0.25
-"""Smallest increase of the explained share by exchanged columns: of all days together, of one day."""
-WELL = 0.6
-"""Explained share from which on a day has its right date."""
+WELL = 0.6  # explained share from which on a day has its right date
+# smallest increase of the explained share by another day's flows: of all such days together, of each
 OTHER_DAY, OTHER_DAY_EACH = 0.2, 0.12
-"""Smallest increase of the explained share by another day's flows: of all such days together, of each."""
 
 # Agreement between days
-ALIKE = 15 * 60.0
-"""Lags that differ by less agree [s]."""
-NEAR = 20 * 60.0
-"""Lags within this distance of the usual ones count as usual [s]."""
+ALIKE = 15 * 60.0  # lags that differ by less agree [s]
+# consecutive days that must agree: weather changes a single day, and a river's delay for some
 FEW = {"pool": 3, "river": 7}
-"""Consecutive days that must agree: weather changes a single day, and a river's delay for some."""
-DENSE = 0.6
-"""Share of the days between the first and the last of a group that must agree."""
-ENOUGH = 0.4
-"""Smallest share of days with a believed fit."""
+DENSE = 0.6  # share of the days between the first and the last of a group that must agree
+ENOUGH = 0.4  # smallest share of days with a believed fit
+# weight of lags that water can have against lags that it cannot have, in the choice of the usual ones
 POSSIBLE = 10
-"""Weight of lags that water can have against lags that it cannot have, in the choice of the usual ones."""
-UNUSUAL = 1.6
-"""Largest logarithm of the flow over the median at which a river's delays are compared."""
-STRAIGHT = 4.0
-"""Smallest ratio of a drift to the scatter of the lags about its line."""
-FEWEST = 6
-"""Fewest days that a drift is estimated from."""
-MOST_PAIRED = 300
-"""Most days of which all pairs are compared."""
+UNUSUAL = 1.6  # largest logarithm of the flow over the median at which a river's delays are compared
+STRAIGHT = 4.0  # smallest ratio of a drift to the scatter of the lags about its line
+FEWEST = 6  # fewest days that a drift is estimated from
+MOST_PAIRED = 300  # most days of which all pairs are compared
 
 SHIFTS = {
     (-1, 0): ("u_Qi", "early"),
@@ -115,23 +104,18 @@ def _usual(believed: dict[dt.date, Fit], longest: float) -> tuple[float, float] 
 
 def _dates(record: Record, fits: Fits) -> list[Finding]:
     """Find days that fit only with the flows of the day before or after."""
-    groups: dict[tuple[int, int], list[dt.date]] = {}
+    groups: dict[tuple[int, int], list[dt.date]] = defaultdict(list)
+    shifts = [shift for shift in SHIFTS if record.balanced or not shift[1]]
     for date, fit in fits.right.items():
-        if fit.explained >= WELL:
-            continue
-        best = (fit.explained + OTHER_DAY_EACH, (0, 0))
-        for shift in SHIFTS:
-            sums = fits.sums(date, *shift) if record.balanced or not shift[1] else None
-            if sums is not None:
-                best = max(best, (fits.best(sums).explained, shift))
-        if best[1] != (0, 0):
-            groups.setdefault(best[1], []).append(date)
+        if fit.explained < WELL:
+            each = [(fits.of([date], shift)[0].explained, shift) for shift in shifts]
+            _, best = max([(fit.explained + OTHER_DAY_EACH, (0, 0)), *each])
+            groups[best].append(date)
     found = []
     for shift, some in groups.items():
-        days = _in_rows(record, some, list(fits.right), whole=True)
-        if not days:
-            continue
-        if fits.of(days, shift)[0].explained >= max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY):
+        days = _in_rows(record, some, list(fits.right), whole=True) if any(shift) else []
+        least = max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY)
+        if days and fits.of(days, shift)[0].explained >= least:
             column, sense = SHIFTS[shift]
             other_day = "after" if sense == "early" else "before"
             values = {"column": column or record.output, "sense": sense, "other_day": other_day}
@@ -209,17 +193,20 @@ def _shifted(
     record: Record, fits: Fits, believed: dict[dt.date, Fit], usual: tuple[float, float]
 ) -> list[Finding]:
     """Find days on which one clock is shifted against the usual lags."""
-    groups: dict[tuple[str, int], dict[dt.date, float]] = {}
+    groups: dict[tuple[str, int], dict[dt.date, float]] = defaultdict(dict)
     least = SMALLEST[record.reach.kind]
     for date, fit in believed.items():
         by_in, by_out = fit.lag_in - usual[0], fit.lag_out - usual[1]
-        if max(abs(by_in), abs(by_out)) < least or not _better(record, fits, date, usual):
+        if max(abs(by_in), abs(by_out)) < least:
+            continue
+        # its own lags must explain clearly more than the usual ones; a river's always vary
+        if record.balanced and fits.right[date].explained - fits.near(date, usual) <= GAIN:
             continue
         column, late = _late_column(record, by_in, by_out)
         if column and abs(late) >= least:
             # offsets that agree within minutes have the same cause
             known = (k for k in groups if k[0] == column and abs(k[1] - late) <= ALIKE)
-            groups.setdefault(next(known, (column, round(late))), {})[date] = late
+            groups[next(known, (column, round(late)))][date] = late
     found = []
     reference = "the others" if record.balanced else record.output
     for (column, _), days in groups.items():
@@ -233,30 +220,14 @@ def _shifted(
     return found
 
 
-def _better(record: Record, fits: Fits, date: dt.date, usual: tuple[float, float]) -> bool:
-    """Return whether a day's own lags explain clearly more than the usual ones (a river's always vary)."""
-    if not record.balanced:
-        return True
-    sums = fits.sums(date)
-    if sums is None:
-        return False
-    return fits.right[date].explained - fits.best(sums, near=usual, within=NEAR).explained > GAIN
-
-
 def _with_quiet_days(
     record: Record, fits: Fits, usual: tuple[float, float], column: str, late: float, days: list[dt.date]
 ) -> list[dt.date]:
     """Return the days, and those between them that are too quiet for a fit of their own but agree."""
     shift = {"u_Qi": (-late, 0.0), "u_Qo": (0.0, -late)}.get(column, (late, late if record.balanced else 0.0))
     there = (usual[0] + shift[0], usual[1] + shift[1])
-    found = set(days)
-    for date in record.days if record.balanced else ():
-        sums = fits.sums(date) if min(days) <= date <= max(days) and date not in found else None
-        if sums is not None:
-            explained = [fits.best(sums, near=lags, within=NEAR).explained for lags in (there, usual)]
-            if explained[0] > explained[1]:
-                found.add(date)
-    return sorted(found)
+    between = [d for d in record.days if days[0] < d < days[-1] and d not in days] if record.balanced else []
+    return sorted([*days, *(date for date in between if fits.near(date, there) > fits.near(date, usual))])
 
 
 def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Finding]:

@@ -13,12 +13,9 @@ from rivid.text import day_range, spans
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
 
-MOST_RANGES = 4
-"""Spans of dates that are listed; the others are counted."""
-MOST_ITEMS = 3
-"""Events of a day that are listed; the others are counted."""
-WIDTH = 79
-"""Columns of the report."""
+MOST_RANGES = 4  # spans of dates that are listed; the others are counted
+MOST_ITEMS = 3  # events of a day that are listed; the others are counted
+WIDTH = 79  # columns of the report
 
 _STAMPED = "{column} is stamped {off_s:span} too {sense} against {reference}"
 _TIMES = "{large} is {ratio:times} times {small}"
@@ -139,15 +136,14 @@ class _Texts(string.Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec in ITEMS:
-            listed = ", ".join(_text(ITEMS[format_spec], item) for item in value[:MOST_ITEMS])
+            listed = ", ".join(self.format(ITEMS[format_spec], **item) for item in value[:MOST_ITEMS])
             return listed + (f" and {len(value) - MOST_ITEMS} times more" if len(value) > MOST_ITEMS else "")
         if format_spec in JOINED:
-            return " and ".join(_text(JOINED[format_spec], item) for item in value)
+            return " and ".join(self.format(JOINED[format_spec], **item) for item in value)
         return SPECIFIED[format_spec](value) if format_spec in SPECIFIED else format(value, format_spec)
 
 
-def _text(template: str, values: Values) -> str:
-    return _Texts().vformat(template, (), values)
+FORMAT = _Texts()
 
 
 @dataclass(frozen=True)
@@ -180,12 +176,12 @@ class Finding:
         if "{example}" in TEXTS[self.code]:
             first = min(self.days)
             values["example"] = f"{first}: {self.day_text(first)}"
-        return _text(TEXTS[self.code], values)
+        return FORMAT.format(TEXTS[self.code], **values)
 
     def day_text(self, date: dt.date) -> str:
         """The finding for one of its days."""
         template = DAYS.get(self.code) or DAYS[self.kind]
-        return _text(template, {**self.values, **self.days[date]})
+        return FORMAT.format(template, **{**self.values, **self.days[date]})
 
     def __str__(self) -> str:
         return f"{list_dates(self.days)}: {self.text}" if self.days else self.text
@@ -205,21 +201,19 @@ class DayReport:
 
     date: dt.date
     status: Status
-    reason: str = ""
-    """Why the day cannot be used; empty otherwise."""
-    notes: list[str] = field(default_factory=list)
-    """Filled, dropped or masked samples, and findings."""
+    reason: str = ""  # why the day cannot be used; empty otherwise
+    notes: list[str] = field(default_factory=list)  # filled, dropped or masked samples, and findings
     n_samples: int = 0
     n_filled: int = 0
 
 
 @dataclass(frozen=True)
 class Report:
-    """All days, the files without a usable date (path, reason), the days without a log, and the findings."""
+    """A check of all days of a reach."""
 
     days: list[DayReport]
-    bad_files: list[tuple[str, str]]
-    absent: list[dt.date]
+    bad_files: list[tuple[str, str]]  # path and reason of files of no day
+    absent: list[dt.date]  # days without a log
     findings: list[Finding]
 
     def count(self, status: Status) -> int:
@@ -236,9 +230,10 @@ class Report:
         """0 if all is well; 3 if a day failed, a file cannot be used, or a finding needs action."""
         return 3 if self.count("failed") or self.bad_files or self.warnings else 0
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the report as JSON values."""
-        summary = {
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The counts as JSON values."""
+        return {
             "days": len(self.days), "first": str(self.days[0].date), "last": str(self.days[-1].date),
             "ok": self.count("ok"), "failed": self.count("failed"), "pending": self.count("pending"),
             "absent": len(self.absent), "bad_files": len(self.bad_files),
@@ -246,6 +241,9 @@ class Report:
             "filled": sum(day.n_filled for day in self.days),
             "warnings": len(self.warnings), "exit_code": self.exit_code,
         }  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as JSON values."""
         return {
             "days": [asdict(day) | {"date": str(day.date)} for day in self.days],
             "bad_files": [list(bad) for bad in self.bad_files],
@@ -253,7 +251,7 @@ class Report:
             "findings": [finding.to_json() for finding in self.findings],
             "warnings": self.warnings,
             "failed": self.count("failed"),
-            "summary": summary,
+            "summary": self.summary,
         }
 
 
@@ -265,9 +263,9 @@ def list_dates(dates: Iterable[dt.date]) -> str:
     """
     ordered = sorted(dates)
     ranges = [day_range(*ends) for ends in spans(ordered)]
-    more = ", ..." if len(ranges) > MOST_RANGES else ""
-    count = f" ({len(ordered)} days)" if len(ordered) > 1 else ""
-    return ", ".join(ranges[:MOST_RANGES]) + more + count
+    if len(ranges) > MOST_RANGES:
+        ranges[MOST_RANGES:] = ["..."]
+    return ", ".join(ranges) + (f" ({len(ordered)} days)" if len(ordered) > 1 else "")
 
 
 def times(ratio: float) -> str:
@@ -304,9 +302,9 @@ def render(report: Report, reach: str) -> str:
     files: dict[str, list[str]] = {}
     for path, reason in report.bad_files:
         files.setdefault(reason, []).append(path)
-    for reason, paths in files.items():
-        more = f" and {len(paths) - 1} more files" if len(paths) > 1 else ""
-        lines.append(f"{paths[0]}{more} cannot be used: {reason}")
+    for reason, (first, *others) in files.items():
+        more = f" and {len(others)} more files" if others else ""
+        lines.append(f"{first}{more} cannot be used: {reason}")
     for status in ("failed", "pending"):
         lines += _grouped((d.date, f"{status}: {d.reason}") for d in report.days if d.status == status)
     lines += [f"wrong: {warning}" for warning in report.warnings]
@@ -314,8 +312,7 @@ def render(report: Report, reach: str) -> str:
     found = {(date, f.day_text(date)) for f in report.findings for date in f.days}
     notes = [(day.date, note) for day in report.days for note in day.notes]
     lines += _grouped(note for note in notes if note not in found)
-    text = "\n".join(_wrapped(line) for line in lines)
-    return f"{text}\n\n{_table(report, reach)}" if text else _table(report, reach)
+    return "\n".join([*map(_wrapped, lines), *([""] if lines else []), _table(report, reach)])
 
 
 def render_sound(report: Report, reach: str) -> str:
@@ -325,20 +322,19 @@ def render_sound(report: Report, reach: str) -> str:
 
 
 def _table(report: Report, reach: str) -> str:
-    filled = sum(day.n_filled for day in report.days)
-    samples = sum(day.n_samples for day in report.days)
+    counts = report.summary
     noted = sum(day.status == "ok" and bool(day.notes) for day in report.days)
-    rows = [
-        ("days", f"{len(report.days)}, {report.days[0].date} to {report.days[-1].date}"),
-        ("usable", f"{report.count('ok')}" + (f", {noted} of them with remarks" if noted else "")),
-        ("failed", f"{report.count('failed')}"),
-        ("pending", f"{report.count('pending')}"),
-        ("no log", list_dates(report.absent) if report.absent else "0 days"),
-        ("bad files", f"{len(report.bad_files)}"),
-        ("samples", f"{samples:,}, {filled:,} of them filled"),
-        ("wrong", f"{len(report.warnings)}"),
-    ]
-    return "\n".join([reach, *(_wrapped(f"  {name:10s} {value}", 13) for name, value in rows)])
+    rows = {
+        "days": "{days}, {first} to {last}".format(**counts),
+        "usable": f"{counts['ok']}" + (f", {noted} of them with remarks" if noted else ""),
+        "failed": counts["failed"],
+        "pending": counts["pending"],
+        "no log": list_dates(report.absent) or "0 days",
+        "bad files": counts["bad_files"],
+        "samples": "{samples:,}, {filled:,} of them filled".format(**counts),
+        "wrong": counts["warnings"],
+    }
+    return "\n".join([reach, *(_wrapped(f"  {name:10s} {value}", 13) for name, value in rows.items())])
 
 
 def _grouped(lines: Iterable[tuple[dt.date, str]]) -> list[str]:

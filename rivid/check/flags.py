@@ -44,10 +44,11 @@ def flags(report: Report, root: Path, config: Config) -> pa.Table:
     rows: list[tuple[dt.datetime, str, str, str, str]] = []
     failed = {day.date: day.reason for day in report.days if day.status == "failed"}
     for source in find_days(root, config).days:
-        found = [f for f in report.findings if source.date in f.days or not f.days]
-        if source.date in failed:
-            midnight = dt.datetime.combine(source.date, dt.time(), dt.UTC)
-            rows.append((midnight, "", "failed", "failed", failed[source.date]))
+        date = source.date
+        if date in failed:
+            midnight = dt.datetime.combine(date, dt.time(), dt.UTC)
+            rows.append((midnight, "", "failed", "failed", failed[date]))
+        found = [finding for finding in report.findings if date in finding.days or not finding.days]
         if not found:
             continue
         series, zone, _ = read_series(root, [source], config)
@@ -55,14 +56,13 @@ def flags(report: Report, root: Path, config: Config) -> pa.Table:
             continue
         for finding in found:
             level = "fault" if finding.wrong else "remark"
-            reason = finding.day_text(source.date) if finding.days else finding.text
-            for name in columns_of(finding, source.date, series):
+            reason = finding.day_text(date) if finding.days else finding.text
+            for name in columns_of(finding, date, series):
                 times = series[name][0]
-                begin = day_bounds(source.date, zone)[0]
-                of_finding = chosen(finding, source.date, times - begin, config.reach.sample_time)
+                flagged = chosen(finding, date, times - day_bounds(date, zone)[0], config.reach.sample_time)
                 rows += [
                     (dt.datetime.fromtimestamp(t / MICRO, dt.UTC), name, level, finding.code, reason)
-                    for t in times[of_finding].tolist()
+                    for t in times[flagged].tolist()
                 ]
     columns = {name: [row[i] for row in rows] for i, name in enumerate(SCHEMA.names)}
     return safe_for_spreadsheets(to_table(columns, SCHEMA), ("reason",))
@@ -114,7 +114,7 @@ def explained(report: Report, dates: Iterable[dt.date]) -> Report:
     """A report without the jumps of the gauge on days of its maintenance."""
     known, found = set(dates), []
     for finding in report.findings:
-        if finding.kind in ("jump", "spike") and known & set(finding.days):
+        if finding.kind in ("jump", "spike"):
             left = {date: values for date, values in finding.days.items() if date not in known}
             finding = replace(finding, days=left)
             if not left:

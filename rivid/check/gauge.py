@@ -1,7 +1,8 @@
 """Values that are not measured: a gauge that is stuck or jumps, copied days, constant or negative flows."""
 
 import datetime as dt
-from collections.abc import Collection, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
 from hashlib import sha256
 from itertools import pairwise
 from typing import Any
@@ -13,40 +14,26 @@ from rivid.check.record import BELIEVED, Fits, Record
 from rivid.types import HOUR, ONE_DAY, Floats
 
 # Gauges that stand still
-SHORTEST = 2 * HOUR
-"""Shortest reported spell without motion [s]."""
-SAMPLES = 16
-"""Fewest samples of such a spell."""
-LONGER = 4.0
-"""Smallest ratio of the spell to the usual longest one of a day."""
-STEPS = 1.5
-"""Smallest motion of the level that the flows imply for the spell [steps of the gauge]."""
-FLOW_STEPS, FLOW_SHARE = 5.0, 0.15
-"""The same for a river: steps of the gauge, and share of the flow."""
-FLICKER = 2
-"""Range of a stuck gauge that flickers [steps of the gauge]: one step up and down."""
-MOST = 3
-"""Most spells of a day that are compared."""
+SHORTEST = 2 * HOUR  # shortest reported spell without motion [s]
+SAMPLES = 16  # fewest samples of such a spell
+LONGER = 4.0  # smallest ratio of the spell to the usual longest one of a day
+STEPS = 1.5  # smallest motion of the level that the flows imply for the spell [steps of the gauge]
+FLOW_STEPS, FLOW_SHARE = 5.0, 0.15  # the same for a river: steps of the gauge, and share of the flow
+FLICKER = 2  # range of a stuck gauge that flickers [steps of the gauge]: one step up and down
+MOST = 3  # most spells of a day that are compared
 
 # Jumps
-JUMP = 8.0
-"""Smallest jump, as a multiple of the 99th percentile of the moves."""
-JUMP_STEPS = 6.0
-"""Smallest jump [steps of the gauge]."""
-AROUND = 6
-"""Samples on either side of a jump, which must differ by it in the median."""
-BACK = HOUR
-"""Longest time within which a spike returns [s]."""
-BACKS = range(-1, 4)
-"""Samples by which the level may follow the gate's move."""
+JUMP = 8.0  # smallest jump, as a multiple of the 99th percentile of the moves
+JUMP_STEPS = 6.0  # smallest jump [steps of the gauge]
+AROUND = 6  # samples on either side of a jump, which must differ by it in the median
+BACK = HOUR  # longest time within which a spike returns [s]
+BACKS = range(-1, 4)  # samples by which the level may follow the gate's move
 
 # Flows
-MOMENT = 300.0
-"""Longest excursion of a flow that is an error rather than an operation [s]."""
+MOMENT = 300.0  # longest excursion of a flow that is an error rather than an operation [s]
+# largest difference before and after an excursion, and smallest one in it [share of the flow]
 SAME, FAR = 0.1, 0.6
-"""Largest difference before and after an excursion, and smallest one in it [share of the flow]."""
-MOVED = 20
-"""Fewest moves of the gauge in a day at which two equal days are no coincidence."""
+MOVED = 20  # fewest moves of the gauge in a day at which two equal days are no coincidence
 
 Spells = dict[dt.date, list[tuple[int, int]]]
 
@@ -62,7 +49,7 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
     spells = {date: found for date, found in _still(record, fits).items() if date not in open_days}
     seams |= {date + ONE_DAY for date, found in spells.items() if found[-1][1] == len(record.days[date])}
     found = _jumps(record, spells, seams)
-    days: dict[dt.date, dict[str, Any]] = {}
+    days = {}
     for date, at in spells.items():
         values, unit = record.days[date][record.output], record.reach.output_unit
         items = [
@@ -73,7 +60,7 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
             for a, b in at
         ]  # fmt: skip
         days[date] = {"items": items}
-    return [*([Finding("stuck", {"output": record.output}, days)] if days else []), *found]
+    return [Finding("stuck", {"output": record.output}, days), *found] if days else found
 
 
 def _spells(values: Floats, within: float) -> list[tuple[int, int]]:
@@ -143,20 +130,17 @@ def _jumps(record: Record, still: Spells, seams: Collection[dt.date]) -> list[Fi
         # a gauge that is freed after a spell jumps
         at = [k for k in at if not any(a - 1 <= k <= b + 2 for a, b in still.get(date, []))]
         at = [k for k in at if k > 0 or date not in seams]
-        for kind, items in zip(days, _jump_items(record, date, rest, at, 0.7 * least), strict=True):
-            if items:
-                days[kind][date] = {"items": items}
+        for kind, item in _jump_items(record, date, rest, at, 0.7 * least):
+            days[kind].setdefault(date, {"items": []})["items"].append(item)
     return [Finding(kind, {"output": record.output}, some) for kind, some in days.items() if some]
 
 
 def _jump_items(
     record: Record, date: dt.date, rest: Floats, at: list[int], least: float
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the jumps that stay and the spikes of a day."""
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each "jump" that stays, and each "spike", of a day."""
     unit, values = record.reach.output_unit, record.days[date][record.output]
     around = _extended(record, date, record.output, AROUND)
-    jumps: list[dict[str, Any]] = []
-    spikes: list[dict[str, Any]] = []
     until = -1
     for n, here in enumerate(at):
         if here <= until:
@@ -167,14 +151,13 @@ def _jump_items(
             until = back
             peak = values[here:back]
             height = float(peak[np.abs(peak - around[here + AROUND - 1]).argmax()])
-            item = {"time": record.clock(here), "last": record.clock(back - 1), "value": height, "unit": unit}
-            spikes.append(item)
+            last = record.clock(back - 1)
+            yield "spike", {"time": record.clock(here), "last": last, "value": height, "unit": unit}
             continue
         before, after = around[here : here + AROUND], around[here + AROUND : here + 2 * AROUND]
         change = float(np.median(after) - np.median(before))
         if abs(change) >= least and change * rest[here] > 0:
-            jumps.append({"time": record.clock(here), "change": change, "unit": unit})
-    return jumps, spikes
+            yield "jump", {"time": record.clock(here), "change": change, "unit": unit}
 
 
 def _extended(record: Record, date: dt.date, name: str, n: int) -> Floats:
@@ -219,28 +202,27 @@ def implausible(record: Record, min_motion: float) -> list[Finding]:
 
 def _copies(record: Record) -> list[Finding]:
     """Find the same samples on several dates."""
-    found: dict[tuple[str, str], list[dt.date]] = {}
+    alike: dict[tuple[str, str], list[dt.date]] = defaultdict(list)
     for date, day in record.days.items():
         measured = day.columns[record.output]
         if np.count_nonzero(np.diff(measured)) > MOVED:
-            key = (record.output, sha256(measured.tobytes()).hexdigest())
-            found.setdefault(key, []).append(date)
+            alike[record.output, sha256(measured.tobytes()).hexdigest()].append(date)
         if any(np.ptp(values) > 0 for values in day.columns.values()):
-            found.setdefault(("", day.content), []).append(date)
-    whole = {date for (name, _), dates in found.items() if not name and len(dates) > 1 for date in dates}
-    copies: dict[str, list[list[dt.date]]] = {}
-    for (name, _), dates in found.items():
-        if len(dates) > 1 and not (name and set(dates) <= whole):
-            copies.setdefault(name, []).append(dates)
+            alike["", day.content].append(date)
+    copied = [(name, dates) for (name, _), dates in alike.items() if len(dates) > 1]
+    whole = {date for name, dates in copied if not name for date in dates}
+    copies: dict[str, list[list[dt.date]]] = defaultdict(list)
+    for name, dates in copied:
+        if not (name and set(dates) <= whole):
+            copies[name].append(dates)
     findings = []
     for name, groups in copies.items():
-        first, second = groups[0][:2]
+        first, second, *more = (date for dates in groups for date in dates)
         column = name or "all columns"
         days = {d: {"column": column, "other": str(o[0] if o[0] != d else o[1])} for o in groups for d in o}
-        two = len(groups) == 1 and len(groups[0]) == 2
         what = f"the same samples of {name}" if name else "the same samples"
         values = {"what": what, "first": str(first), "second": str(second)}
-        findings.append(Finding("copy.two" if two else "copy.many", values, days))
+        findings.append(Finding("copy.many" if more else "copy.two", values, days))
     return findings
 
 
@@ -254,14 +236,15 @@ def _constant(record: Record, min_motion: float) -> list[Finding]:
         days = [d for d, values in columns.items() if np.ptp(values) <= min_motion * np.abs(values).max()]
         if name == "u_Qo":  # a gate may stand still with the inflow, or on a single day
             days = [date for date in days if np.ptp(record.days[date].columns["u_Qi"]) > 0]
-            if len(days) < min(max(2, 0.2 * len(record.days)), len(record.days)):
+            if len(days) < min(max(2, 0.2 * len(columns)), len(columns)):
                 continue
         if days:
             flows = [float(columns[date][0]) for date in days]
             values = {"flow": [min(flows), max(flows)]}
-            always = 1 < len(days) == len(record.days)
-            code = f"constant.{word}_always" if always else f"constant.{word}"
-            found.append(Finding(code, values, {} if always else {date: {} for date in days}))
+            if 1 < len(days) == len(columns):
+                found.append(Finding(f"constant.{word}_always", values))
+            else:
+                found.append(Finding(f"constant.{word}", values, {date: {} for date in days}))
     return found
 
 
@@ -295,9 +278,7 @@ def _moments(record: Record) -> list[Finding]:
 def _excursions(flow: Floats, longest: int) -> list[int]:
     """Return where a flow leaves its value for at most so many samples."""
     found: list[int] = []
-    for n in range(1, longest + 1):
-        if len(flow) < n + 2:
-            break
+    for n in range(1, min(longest, len(flow) - 2) + 1):
         before, after = flow[: -n - 1], flow[n + 1 :]
         alike = np.abs(after - before) <= SAME * np.abs(before)
         away = np.min([np.abs(flow[1 + j : len(flow) - n + j] - before) for j in range(n)], axis=0)

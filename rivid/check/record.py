@@ -26,32 +26,26 @@ Kept = NDArray[np.float32]
 Sums = tuple[Floats, ...]
 """Sums over the samples of a day, for every lag: yy, x_i y, x_o y, x_i x_i, x_o x_o, x_i x_o."""
 
-FINEST = 60.0
-"""Shortest sample time kept [s]; finer samples are averaged, so that decades fit into memory."""
+FINEST = 60.0  # shortest sample time kept [s]; finer samples are averaged, so that decades fit into memory
+# lags searched beyond the expected ones [s]: a clock that is an hour off must lie well inside
 AROUND = 1.75 * HOUR
-"""Lags searched beyond the expected ones [s]: a clock that is an hour off must lie well inside."""
-LONGEST = 24 * HOUR
-"""Longest lag searched [s]."""
-LEAST = 24
-"""Fewest samples of a day that are fitted."""
+LONGEST = 24 * HOUR  # longest lag searched [s]
+LEAST = 24  # fewest samples of a day that are fitted
+# a flow that moves by less than this part of its size does not move: rounding alone gives about 1e-13
 STILL = 1e-10
-"""A flow that moves by less than this part of its size does not move: rounding alone gives about 1e-13."""
-SINGULAR = 1e-6
-"""Smallest determinant of the normal equations, relative to the product of their diagonal."""
+SINGULAR = 1e-6  # smallest determinant of the normal equations, relative to the product of their diagonal
+# moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted
 LEAP = 10.0
-"""Moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted."""
-BELIEVED = 0.35
-"""Smallest share of the variance of the output's moves that a believed fit explains."""
+BELIEVED = 0.35  # smallest share of the variance of the output's moves that a believed fit explains
+NEAR = 20 * 60.0  # lags within this distance of the usual ones count as usual [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Day:
     """Samples of a day."""
 
-    columns: dict[str, Kept]
-    """u_Qi, u_Qo [m3/s] where it is logged, and the output: h_L [m] or Q_L [m3/s]; each of shape (n,)."""
-    content: str
-    """Digest of the samples as they were read."""
+    columns: dict[str, Kept]  # (n,) each: u_Qi, u_Qo where it is logged, Q_L [m3/s], h_L [m]
+    content: str  # digest of the samples as they were read
 
     def __getitem__(self, name: str) -> Floats:
         return self.columns[name].astype(float)
@@ -76,21 +70,19 @@ class Record:
         if data.outflow is not None:
             columns["u_Qo"] = data.outflow
         digest = sha256(b"".join(columns[name].tobytes() for name in sorted(columns)))
-        kept = {name: self._coarser(values) for name, values in columns.items()}
-        if len(kept["u_Qi"]):
+        whole = len(data.inflow) // self.merged * self.merged
+        if whole:
+            kept = {
+                name: values[:whole].reshape(-1, self.merged).mean(axis=1).astype(np.float32)
+                for name, values in columns.items()
+            }
             self.days[data.date] = Day(kept, digest.hexdigest())
-
-    def _coarser(self, values: Floats) -> Kept:
-        if self.merged > 1:
-            whole = len(values) // self.merged * self.merged
-            values = values[:whole].reshape(-1, self.merged).mean(axis=1)
-        return values.astype(np.float32)
 
     @property
     def flows(self) -> list[str]:
         """Columns that are discharges."""
-        names = list(next(iter(self.days.values())).columns) if self.days else []
-        return [name for name in ("u_Qi", "u_Qo", "Q_L") if name in names]
+        columns = next(iter(self.days.values())).columns if self.days else {}
+        return [name for name in ("u_Qi", "u_Qo", "Q_L") if name in columns]
 
     @property
     def balanced(self) -> bool:
@@ -142,34 +134,24 @@ def consecutive(dates: Iterable[dt.date], among: Iterable[dt.date], gap: int = 1
 class Fit(NamedTuple):
     """The best pair of lags."""
 
-    explained: float
-    """Explained share of the variance of the output's moves [-]."""
-    lag_in: float
-    """From the move of the inflow to that of the output [s]."""
-    lag_out: float
-    """From the move of the outflow to that of the output [s]."""
-    gain_in: float
-    """[1/m2]; of a river [-]."""
-    gain_out: float
-    """[1/m2]; of a river 0."""
+    explained: float  # explained share of the variance of the output's moves [-]
+    lag_in: float  # from the move of the inflow to that of the output [s]
+    lag_out: float  # from the move of the outflow to that of the output [s]
+    gain_in: float  # [1/m2]; of a river [-]
+    gain_out: float  # [1/m2]; of a river 0
 
 
 NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
 
 
 class Fits:
-    """Fits of the days of a record.
-
-    `longest` is the longest delay of [reach] by its hydraulics [s]. `right` and `reverse` are, by day, the
-    best fit if the inflow raises and the outflow lowers the output, and if it is the other way round.
-    """
+    """Fits of the days of a record."""
 
     def __init__(self, record: Record) -> None:
         self.record = record
         reach, step = record.reach, record.step
-        try:
-            proposed = reach.proposal(step)
-            self.longest = min((proposed.d_max + 1) * step, LONGEST)
+        try:  # the longest delay of [reach] by its hydraulics [s]
+            self.longest = min((reach.proposal(step).d_max + 1) * step, LONGEST)
         except ConfigError:
             self.longest = HOUR
         around = round(AROUND / step)
@@ -178,14 +160,13 @@ class Fits:
         least = around if reach.kind == "pool" else max(around, round(self.longest / step))
         self.inflow = np.arange(-least, round(max(self.longest, HOUR) / step) + around + 1)
         self.outflow = np.arange(-around, around + 1) if record.balanced else np.zeros(1, int)
+        # the best fit if the inflow raises and the outflow lowers the output; if it is the other way round
         self.right: dict[dt.date, Fit] = {}
         self.reverse: dict[dt.date, Fit] = {}
         # the level of a pool without its outflow depends little on the inflow: operators hold it
         for date in record.days if record.balanced or reach.kind == "river" else ():
-            sums = self.sums(date)
-            if sums is not None:
-                self.right[date] = self.best(sums)
-                self.reverse[date] = self.best(sums, -1)
+            if (sums := self.sums(date)) is not None:
+                self.right[date], self.reverse[date] = self.best(sums), self.best(sums, -1)
 
     @cached_property
     def together(self) -> tuple[Fit, Fit]:
@@ -212,13 +193,11 @@ class Fits:
         if n < LEAST:
             return None
         inflow = self._moves(date + days_in * ONE_DAY, "u_Qi", n)
-        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else None
-        if inflow is None or (record.balanced and outflow is None):
+        none = np.zeros((1, n)), 0, n
+        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else none
+        if inflow is None or outflow is None:
             return None
-        x_i, first, last = inflow
-        x_o = np.zeros((1, n))
-        if outflow is not None:
-            x_o, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
+        first, last = max(inflow[1], outflow[1]), min(inflow[2], outflow[2])
         if last - first < max(n // 3, LEAST):
             return None
         y = (level[h:] - level[:-h])[first:last]
@@ -227,7 +206,8 @@ class Fits:
         if limit > 0:
             y = np.clip(y, middle - limit, middle + limit)
         y = y - y.mean()
-        x_i, x_o = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x_i, x_o))
+        moves = [x[:, first:last] for x, *_ in (inflow, outflow)]
+        x_i, x_o = (x - x.mean(axis=1, keepdims=True) for x in moves)
         return y @ y, x_i @ y, x_o @ y, (x_i**2).sum(1), (x_o**2).sum(1), x_i @ x_o.T
 
     def _moves(self, date: dt.date, name: str, n: int) -> tuple[Floats, int, int] | None:
@@ -237,29 +217,28 @@ class Fits:
             return None
         lags = self.inflow if name == "u_Qi" else self.outflow
         before, after = max(int(lags[-1]), 0), max(-int(lags[0]), 0)
-        parts, left, right = [days[date][name]], 0, 0
-        if name == "u_Qi" and np.ptp(parts[0]) <= STILL * np.abs(parts[0]).max():
+        own = days[date][name]
+        if name == "u_Qi" and np.ptp(own) <= STILL * np.abs(own).max():
             return None
-        if date - ONE_DAY in days:
-            parts.insert(0, days[date - ONE_DAY][name][-before:] if before else parts[0][:0])
-            left = len(parts[0])
-        if date + ONE_DAY in days:
-            parts.append(days[date + ONE_DAY][name][:after])
-            right = len(parts[-1])
-        flow = np.concatenate([np.zeros(before - left), *parts, np.zeros(after - right)])
+        previous, following = (
+            days[day][name] if day in days else own[:0] for day in (date - ONE_DAY, date + ONE_DAY)
+        )
+        left, right = min(before, len(previous)), min(after, len(following))
+        known = (previous[len(previous) - left :], own, following[:right])
+        flow = np.concatenate([np.zeros(before - left), *known, np.zeros(after - right)])
         if self.record.reach.kind == "pool":
             flow = np.concatenate([[0.0], np.cumsum(flow) * self.record.step])
         moves = (flow[h:] - flow[:-h])[: before + n + after]
         windows: NDArray[np.float64] = sliding_window_view(moves, n)
         return windows[before - lags], max(int(lags[-1]) - left, 0), min(n, n + right + int(lags[0]))
 
-    def best(
-        self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None, within: float = 0.0
-    ) -> Fit:
-        """Return the pair of lags that explains most, with c_i > 0 > c_o (`sign` 1) or the reverse (-1).
+    def near(self, date: dt.date, lags: tuple[float, float]) -> float:
+        """Return the explained share of a day by lags near these [s]; 0 where it has no sums."""
+        sums = self.sums(date)
+        return 0.0 if sums is None else self.best(sums, near=lags).explained
 
-        With `near`, the pair must lie `within` that many seconds of these lags [s].
-        """
+    def best(self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None) -> Fit:
+        """Return the pair of lags, near these [s], that explains most, with c_i > 0 > c_o if `sign` is 1."""
         yy, with_in, with_out, of_in, of_out, between = sums
         if yy <= 0:
             return NO_FIT
@@ -278,8 +257,8 @@ class Fits:
         explained = (c_in * with_in[:, None] + c_out * with_out) / yy
         step = self.record.step
         if near is not None:
-            off = np.abs(self.inflow * step - near[0])[:, None] <= within
-            sound &= off & (np.abs(self.outflow * step - near[1]) <= within)
+            sound &= np.abs(self.inflow * step - near[0])[:, None] <= NEAR
+            sound &= np.abs(self.outflow * step - near[1]) <= NEAR
         if not sound.any():
             return NO_FIT
         explained = np.where(sound, explained, -1.0)

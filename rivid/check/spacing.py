@@ -1,6 +1,7 @@
 """Spacing of the logged rows against `[reach] sample_time`, and nights on which clocks change."""
 
 import datetime as dt
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -10,37 +11,32 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.days import MISSED, DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, clocks_change, local, shown, spec_of
+from rivid.logs.spec import MICRO, clocks_change, local, spec_of
 from rivid.types import Ints
 
-OFF = 0.02
-"""Smallest reported difference between the spacing and T_s [relative]."""
-FEW = 0.05
-"""Smallest share of days with another spacing: fewer are days with gaps."""
+OFF = 0.02  # smallest reported difference between the spacing and T_s [relative]
+FEW = 0.05  # smallest share of days with another spacing: fewer are days with gaps
+# distance of a step from a multiple of the median one, relative to it, that is odd; share of odd steps beyond
+# which rows are irregular. Multiples are missing rows
 UNEVEN, ODD = 0.1, 0.3
-"""Distance of a step from a multiple of the median one, relative to it, that is odd; share of odd steps
-beyond which rows are irregular. Multiples are missing rows."""
 HOUR = 3600 * MICRO
 
 
 class Spacing:
-    """Spacing of each column's rows, day by day; `root` is DATA_DIR, or one file.
-
-    `steps` holds the median twice [s] or, where rows are irregular, the 5th and the 95th percentile.
-    """
+    """Spacing of each column's rows, day by day; `root` is DATA_DIR, or one file."""
 
     def __init__(self, root: Path, config: Config) -> None:
         self.folder = root if root.is_dir() else root.parent
         self.config, self.spec = config, spec_of(config)
-        self.steps: dict[str, dict[dt.date, tuple[float, float]]] = {}
-        self.skipped: list[dt.date] = []
-        self.repeated: list[dt.date] = []
+        # the median twice [s] or, where rows are irregular, the 5th and the 95th percentile
+        self.steps: dict[str, dict[dt.date, tuple[float, float]]] = defaultdict(dict)
+        self.nights: dict[str, list[dt.date]] = {"is missing": [], "comes twice": []}
 
     def add(self, source: DaySource, reason: str) -> None:
         """Add a day as it is logged (its file is still in memory); `reason` is why it failed, if it did."""
         path, *_ = source.parts[0]
         try:
-            log = load(self.folder / path, shown(path), self.spec)
+            log = load(self.folder / path, self.spec)
         except (RividError, OSError, ValueError, MemoryError):
             return
         series = log.of_day(source.date)
@@ -50,19 +46,18 @@ class Spacing:
                 low = high = float(np.median(steps))
                 if np.mean(np.abs(steps / low - np.maximum(np.round(steps / low), 1)) > UNEVEN) > ODD:
                     low, high = np.percentile(steps, (5, 95)).tolist()
-                self.steps.setdefault(name, {})[source.date] = low, high
+                self.steps[name][source.date] = low, high
         if clocks_change(source.date):
             if "is logged twice with different" in reason:
-                self.repeated.append(source.date)
+                self.nights["comes twice"].append(source.date)
             elif _misses_an_hour(series["u_Qi"][0], log.zone):
-                self.skipped.append(source.date)
+                self.nights["is missing"].append(source.date)
 
     def findings(self) -> list[Finding]:
         """Return the findings on spacing and summer time."""
         found = self._intervals()
-        nights = {"is missing": self.skipped, "comes twice": self.repeated}
-        if days := {date: {"what": what} for what, dates in nights.items() for date in dates}:
-            listed = [f"{what} on {list_dates(dates)}" for what, dates in nights.items() if dates]
+        if days := {date: {"what": what} for what, dates in self.nights.items() for date in dates}:
+            listed = [f"{what} on {list_dates(dates)}" for what, dates in self.nights.items() if dates]
             read_as = self.config.input.time_zone or "their written offset"
             found.append(Finding("summer time", {"what": " and ".join(listed), "read_as": read_as}, days))
         return found
@@ -80,17 +75,16 @@ class Spacing:
         for name, (_, high) in sorted(uneven.items(), key=lambda item: -item[1][1]):
             alike = (each for each in minutes.values() if each < MISSED * high)
             minutes[name] = next(alike, 60.0 * max(round(high / 60), 1))
-        odd: dict[tuple[float, bool], dict[str, list[dt.date]]] = {}
+        odd: dict[tuple[float, bool], dict[str, list[dt.date]]] = defaultdict(lambda: defaultdict(list))
         for name, spacing in expected.items():
-            for date, (low, high) in self.steps.get(name, {}).items():
+            for date, (low, high) in self.steps[name].items():
                 usual = minutes[name] if low < high else high
                 if abs(usual / spacing - 1) > OFF:
-                    key = float(f"{usual:.3g}"), low < high
-                    odd.setdefault(key, {}).setdefault(name, []).append(date)
-        total = len({date for days in self.steps.values() for date in days})
+                    odd[float(f"{usual:.3g}"), low < high][name].append(date)
+        total = len(set().union(*self.steps.values()))
         found = []
         for (usual, irregular), columns in odd.items():
-            dates = sorted({date for days in columns.values() for date in days})
+            dates = sorted(set().union(*columns.values()))
             if len(dates) < max(2, FEW * total) and total > 1:
                 continue
             first = next(iter(columns))
@@ -105,8 +99,8 @@ class Spacing:
                 "columns": ", ".join(columns), "every": every, "column": first, "spacing_s": usual,
                 "expected_s": expected[first] if declared else period, "output": self.spec.output,
             }  # fmt: skip
-            days: dict[dt.date, dict[str, str]] = {} if len(dates) == total else {d: {} for d in dates}
-            found.append(Finding(f"interval.{code}", values, days))
+            days = dates if len(dates) < total else []
+            found.append(Finding(f"interval.{code}", values, {date: {} for date in days}))
         return found
 
 
@@ -116,6 +110,5 @@ def _misses_an_hour(times: Ints, zone: dt.tzinfo) -> bool:
         return False
     steps = np.diff(times)
     at = int(steps.argmax())
-    if abs(int(steps[at]) - int(np.median(steps)) - HOUR) > HOUR // 10:
-        return False
-    return local(int(times[at]), zone).hour < 4
+    an_hour = abs(int(steps[at]) - int(np.median(steps)) - HOUR) <= HOUR // 10
+    return an_hour and local(int(times[at]), zone).hour < 4

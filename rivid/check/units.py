@@ -1,6 +1,7 @@
 """Units and the water balance: the flows against each other, the level against their volume."""
 
 import datetime as dt
+from collections import defaultdict
 from collections.abc import Collection
 
 import numpy as np
@@ -11,32 +12,24 @@ from rivid.config import Config
 from rivid.input_config import UNITS
 
 # Flows
-FLOW_MARGIN = 1.2
-"""Tolerance of a unit's factor between two flows [ratio]: gains, losses and storage."""
-MOVES = 3.0
-"""Tolerance between the ratios of means and of moves: a unit scales both, a reservoir does not."""
-OPEN = 1.5
-"""Smallest ratio of inflow and outflow of an open balance."""
-PART = 0.3
-"""Smallest missing part of the usual inflow [-]."""
+FLOW_MARGIN = 1.2  # tolerance of a unit's factor between two flows [ratio]: gains, losses and storage
+MOVES = 3.0  # tolerance between the ratios of means and of moves: a unit scales both, a reservoir does not
+OPEN = 1.5  # smallest ratio of inflow and outflow of an open balance
+PART = 0.3  # smallest missing part of the usual inflow [-]
+# fewest consecutive days of a missing part, or smallest share of all days: one odd day is weather
 FEWEST, MOST_DAYS = 3, 0.8
-"""Fewest consecutive days of a missing part, or smallest share of all days: one odd day is weather."""
+# smallest ratio of a median flow to the ends of [reach] discharge_range that suggests another unit
 RANGE_MARGIN = 10.0
-"""Smallest ratio of a median flow to the ends of [reach] discharge_range that suggests another unit."""
-OUTSIDE = 0.25
-"""Smallest share of the inflow's samples outside [reach] discharge_range that is reported [-]."""
+OUTSIDE = 0.25  # smallest share of the inflow's samples outside [reach] discharge_range that is reported [-]
 
 # Level
+# tolerance of a unit's factor in the level [ratio], as areas are uncertain; smaller below FEW days
 AREA_MARGIN, AREA_MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
-"""Tolerance of a unit's factor in the level [ratio], as areas are uncertain; smaller below FEW days."""
+# smallest ratio between two areas, of the balance, of length and width or declared, that is reported
 FAR = 4.0
-"""Smallest ratio between two areas, of the balance, of length and width or declared, that is reported."""
-HEIGHT_MARGIN = 1.1
-"""Tolerance of a unit's factor between the heights of days [ratio]."""
-LEVEL_SPAN = 20.0
-"""Largest motion of a forebay in the record [m]."""
-DEEPEST = 200.0
-"""Largest depth of a forebay [m]."""
+HEIGHT_MARGIN = 1.1  # tolerance of a unit's factor between the heights of days [ratio]
+LEVEL_SPAN = 20.0  # largest motion of a forebay in the record [m]
+DEEPEST = 200.0  # largest depth of a forebay [m]
 
 
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:
@@ -76,14 +69,16 @@ class Flows:
         self.means = {n: {d: float(day[n].mean()) for d, day in days.items()} for n in names}
         self.moves = {n: {d: float(day[n].std()) for d, day in days.items()} for n in names}
         self.median = {n: float(np.median([*of_days.values()])) for n, of_days in self.means.items()}
-        self.unit = {n: _unit(config, n) for n in names}
+        self.config = config
         self.too_large = {n: _factors(config, n) for n in names}
+        low, high = record.reach.discharge_range
+        self.range = {"low": low, "high": high, "is_declared": record.declared("discharge_range")}
         self.reported: set[str] = set()
 
     def against_inflow(self, other: str) -> list[Finding]:
         """Compare the inflow with another discharge, day by day: another unit, or a missing part."""
         one = "u_Qi"
-        groups: dict[tuple[str, str, bool], dict[dt.date, float]] = {}
+        groups: dict[tuple[str, str, bool], dict[dt.date, float]] = defaultdict(dict)
         stored, usual = self._stored(), self.median[one]
         for date in self.record.days:
             a, b = self.means[one][date], self.means[other][date]
@@ -94,22 +89,19 @@ class Flows:
             moves = self.moves[large][date] / self.moves[small][date] if not still else 0.0
             unit = any(unit for _, unit in self._units(large, small, ratio))
             if unit and ratio / MOVES < moves < ratio * MOVES:
-                groups.setdefault((large, small, True), {})[date] = ratio
+                groups[large, small, True][date] = ratio
             elif ratio > OPEN and not still and abs(a - b - stored.get(date, 0.0)) > PART * usual:
-                groups.setdefault((large, small, False), {})[date] = ratio
+                groups[large, small, False][date] = ratio
         found = []
         for (large, small, is_unit), ratios in groups.items():
             dates = list(ratios) if is_unit else self._in_rows(list(ratios))
             if not is_unit and not self._is_open(large, small, dates, stored):
                 continue
             ratio = float(np.median([ratios[date] for date in dates]))
-            values = {"large": large, "small": small, "ratio": ratio}
+            code, more = self._which_unit(large, small, ratio) if is_unit else ("balance.flows", {})
+            values = {"large": large, "small": small, "ratio": ratio, **more}
             days = {d: {"ratio": ratios[d]} for d in dates} if len(dates) < len(self.record.days) else {}
-            if is_unit:
-                code, more = self._which_unit(large, small, ratio)
-                found.append(Finding(code, values | more, days))
-            else:
-                found.append(Finding("balance.flows", values, days))
+            found.append(Finding(code, values, days))
             self.reported |= {large, small}
         return found
 
@@ -125,9 +117,9 @@ class Flows:
         sound = [name for name in (large, small) if self._is_sound(name)]
         if of_large and sound != [large]:
             factor = self.too_large[large][of_large]
-            return "unit.factor", {"unit": of_large, "declared": self.unit[large], "factor": factor}
+            return "unit.factor", {"unit": of_large, "declared": _unit(self.config, large), "factor": factor}
         if of_small:
-            return "unit.declared", {"unit": of_small, "declared": self.unit[small]}
+            return "unit.declared", {"unit": of_small, "declared": _unit(self.config, small)}
         return "unit.twice", {"unit": of_large}
 
     def _is_sound(self, name: str) -> bool:
@@ -140,8 +132,6 @@ class Flows:
         return low / 2 <= self.median[name] <= 2 * high
 
     def _is_open(self, large: str, small: str, dates: list[dt.date], stored: dict[dt.date, float]) -> bool:
-        if not dates:
-            return False
         most, least = (sum(self.means[name][date] for date in dates) for name in (large, small))
         change = sum(stored.get(date, 0.0) for date in dates) * (1 if large == "u_Qi" else -1)
         return most - change > OPEN * least
@@ -165,19 +155,16 @@ class Flows:
     def against_range(self) -> list[Finding]:
         """Find discharges far from [reach] discharge_range."""
         low, high = self.record.reach.discharge_range
-        far: dict[str, list[dict[str, str | float]]] = {}
+        far: dict[str, list[dict[str, str | float]]] = defaultdict(list)
         for name, flow in self.median.items():
             if name in self.reported or low / RANGE_MARGIN <= abs(flow) <= high * RANGE_MARGIN:
                 continue
             fitting = {u: flow / f for u, f in self.too_large[name].items() if low <= flow / f <= high}
             unit = next(iter(fitting), "")
-            one: dict[str, str | float] = {"column": name, "median": flow}
-            far.setdefault(unit, []).append(one | ({"converted": fitting[unit]} if unit else {}))
-        found = []
-        for unit, flows in far.items():
-            code = "unit.range_unit" if unit else "unit.range"
-            found.append(Finding(code, self._range() | {"flows": flows, "unit": unit}))
-        return found
+            converted: dict[str, str | float] = {"converted": fitting[unit]} if unit else {}
+            far[unit].append({"column": name, "median": flow, **converted})
+        codes = {unit: "unit.range_unit" if unit else "unit.range" for unit in far}
+        return [Finding(codes[u], self.range | {"flows": flows, "unit": u}) for u, flows in far.items()]
 
     def outside_range(self) -> list[Finding]:
         """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
@@ -187,11 +174,7 @@ class Flows:
         if share <= OUTSIDE:
             return []
         values = {"column": "u_Qi", "share": share, "lowest": float(flow.min()), "highest": float(flow.max())}
-        return [Finding("range", self._range() | values)]
-
-    def _range(self) -> dict[str, object]:
-        low, high = self.record.reach.discharge_range
-        return {"low": low, "high": high, "is_declared": self.record.declared("discharge_range")}
+        return [Finding("range", self.range | values)]
 
 
 def _level(
@@ -237,9 +220,8 @@ def _against_itself(record: Record) -> list[Finding]:
     """Find a length, a width and a surface that are not of one reach."""
     area, product = record.reach.surface_area, record.reach.length * record.reach.width
     declared = all(record.declared(key) for key in ("surface_area", "length", "width"))
-    if not declared or 1 / FAR < area / product < FAR:
-        return []
-    return [Finding("reach.area", {"area": area, "product": product})]
+    odd = declared and not 1 / FAR < area / product < FAR
+    return [Finding("reach.area", {"area": area, "product": product})] if odd else []
 
 
 def _against_bed(record: Record, config: Config) -> list[Finding]:

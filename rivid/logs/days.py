@@ -9,11 +9,12 @@ import os
 import stat
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
+from typing import NoReturn
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -36,6 +37,7 @@ from rivid.logs.spec import (
     spec_of,
 )
 from rivid.logs.text import ColumnError
+from rivid.text import day_range
 from rivid.types import ONE_DAY, Bools, Floats, Ints
 
 TimedValues = dict[str, tuple[Ints, Floats]]
@@ -61,11 +63,9 @@ class DaySource:
 class FileFacts:
     """What is known of a file; stored, so that it is not hashed and opened again."""
 
-    # a file with the same size, modification time and change time is not hashed again. The change time
-    # cannot be set: it finds a file with a restored modification time
     size: int
     mtime_ns: int
-    ctime_ns: int
+    ctime_ns: int  # it cannot be set: it finds a file with a restored modification time
     digest: str  # SHA-256 (hex) of the file
     # of a file of many days: digest of each, by ISO date. Empty for a day's file that holds no more than the
     # row at its midnight
@@ -77,18 +77,15 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class Catalog:
-    """The content of DATA_DIR: the days in date order, and the files by relative path.
+    """The content of DATA_DIR."""
 
-    `bad_files` are the relative path, printable, and the reason, of files of no day.
-    """
-
-    days: list[DaySource]
-    bad_files: list[tuple[str, str]] = field(default_factory=list)
-    files: dict[str, FileFacts] = field(default_factory=dict)
+    days: list[DaySource]  # in date order
+    bad_files: list[tuple[str, str]]  # relative path, printable, and reason, of files of no day
+    files: dict[str, FileFacts]  # by relative path
 
 
+# a day's file of more rows or bytes holds more than the single row at its midnight, and is not opened
 FEW_ROWS, FEW_BYTES = 4, 8192
-"""A day's file of more rows or bytes holds more than the single row at its midnight, and is not opened."""
 
 
 def find_days(
@@ -97,8 +94,7 @@ def find_days(
     """List the days in DATA_DIR, or in one file; hidden files and files that are no logs are ignored.
 
     `known` are the `files` of an earlier catalog; with `verify`, files of known size and times are hashed
-    again too. NoDataError where there is no log, ConfigError where the configuration is for exports of the
-    long layout.
+    again too. NoDataError where there is no log, ConfigError where the configuration is for exports.
     """
     key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
     if key:
@@ -110,7 +106,7 @@ def find_days(
     paths = _candidates(root, place)
     within = None if root.is_file() else os.path.realpath(root)
     spec = spec_of(config)
-    settings = spec.digest
+    known = {} if verify or known is None else known
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
     # of each day: the parts that make it; those of a row at its midnights alone; the next day's file
@@ -118,7 +114,7 @@ def find_days(
     for path in paths:
         name = path.name
         try:
-            files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
+            files[name] = facts = _look(path, within, spec, known.get(name))
         except DataError as error:
             reason = str(error).removeprefix(shown(name)).lstrip(" ,:")  # both are shown together
             bad.append((shown(name), reason or str(error)))
@@ -153,7 +149,7 @@ def look_ahead(path: Path, config: Config) -> FileFacts | None:
     """The facts of a file in DATA_DIR, in a worker; None where :func:`find_days` has to report an error."""
     try:
         spec = spec_of(config)
-        return _look(path, os.path.realpath(path.parent), spec, spec.digest, None, False)
+        return _look(path, os.path.realpath(path.parent), spec, None)
     except (RividError, OSError, ValueError, MemoryError):
         return None
 
@@ -179,46 +175,42 @@ def _candidates(root: Path, name: str) -> list[Path]:
     return [root / name for name in names if suffix_of(name) and not name.startswith(".")]
 
 
-def _look(
-    path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
-) -> FileFacts:
+def _look(path: Path, inside: str | None, spec: Spec, known: FileFacts | None) -> FileFacts:
     """The facts of a file; a link must not lead out of `inside`."""
     try:
-        status = os.lstat(path)
-        if stat.S_ISLNK(status.st_mode):
-            if inside is not None and not Path(os.path.realpath(path, strict=True)).is_relative_to(inside):
+        if inside is not None and path.is_symlink():
+            if not Path(os.path.realpath(path, strict=True)).is_relative_to(inside):
                 raise DataError(
                     "is a link that leads out of the directory of logs: put the file itself there"
                 )
-            status = os.stat(path)
+        status = path.stat()
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
     if not stat.S_ISREG(status.st_mode):
         folder = stat.S_ISDIR(status.st_mode)
         raise DataError("is a directory: expected a file" if folder else "is not a regular file")
-    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     date = _date_of(path.name) if is_day_file(path.name) else None
-    if known is not None and not verify and _is_known(status, known):
-        if known.settings == settings and (date is not None or known.days is not None):
-            return known
+    if known is not None and _is_known(status, known) and known.settings == spec.digest:
+        return known
+    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     if date is not None:
         digest, rows = _hash(path, status.st_size)
         few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
         edge = spec.latest and few and _is_edge(path, spec, date)
-        return FileFacts(*stamp, digest, {} if edge else None, settings)
-    log = load(path, shown(path.name), spec, fresh=True)
+        return FileFacts(*stamp, digest, {} if edge else None, spec.digest)
+    log = load(path, spec, fresh=True)
     dates = log.dates()
     if not dates:
         raise DataError("has no values in the required columns")
     days = {date.isoformat(): log.digest_of(date) for date in dates}
     edges = [date.isoformat() for date in dates if log.is_edge(date)]
-    return FileFacts(*stamp, log.digest, days, settings, edges)
+    return FileFacts(*stamp, log.digest, days, spec.digest, edges)
 
 
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
     """Whether a day's file holds no more than the row at its midnight: an end of the day before."""
     try:
-        log = load(path, shown(path.name), spec, fresh=True)
+        log = load(path, spec, fresh=True)
     except DataError:
         return False
     start, end = log.bounds(date)
@@ -233,27 +225,22 @@ def _date_of(name: str) -> dt.date:
 
 
 def _hash(path: Path, size: int) -> tuple[str, int]:
-    """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted.
-
-    One beyond the limit of size is not read: its data will not be either.
-    """
-    if size > DAY[0]:
+    """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted."""
+    if size > DAY[0]:  # its data will not be read either
         return sha256(f"too large: {size}".encode()).hexdigest(), size
     try:
         with open(path, "rb", buffering=0) as file:
             content = file.read(size + 1)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
-    packed = suffix_of(path.name) != ".csv"
-    rows = max(size - FEW_BYTES, 0) if packed else content.count(b"\n")
-    return sha256(content).hexdigest(), rows
+    plain = suffix_of(path.name) == ".csv"
+    return sha256(content).hexdigest(), content.count(b"\n") if plain else max(size - FEW_BYTES, 0)
 
 
-UNLIKE = 0.02
-"""Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
+UNLIKE = 0.02  # part of an interval by which the steps of a log may differ from it: clocks are rounded
 
+# a step of this many usual intervals means that a value is missing between; less is an unsteady clock
 MISSED = 1.5
-"""A step of this many usual intervals means that a value is missing between; less is an unsteady clock."""
 
 
 class TrailingGap(DataError):
@@ -264,8 +251,8 @@ class TrailingGap(DataError):
 class Grid:
     """Regular instants of consecutive local days."""
 
-    start: int  # first local midnight and the one after the last day [us UTC]
-    end: int
+    start: int  # first local midnight [us UTC]
+    end: int  # midnight after the last day [us UTC]
     times: Ints  # (N,) ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC]
     zone: dt.tzinfo  # for messages
 
@@ -283,10 +270,7 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo) -> Grid:
 def sampled(
     series: TimedValues, grid: Grid, signals: Sequence[Signal], spec: Spec
 ) -> tuple[dict[str, Floats], int]:
-    """Samples (N,) of each signal, and how many instants lie in a gap of any of them.
-
-    Raises DataError for too long a gap or too many of them; TrailingGap for one at the end.
-    """
+    """Samples (N,) of each signal, and how many instants lie in a gap of any; DataError for too many."""
     samples, filled = {}, np.zeros(len(grid.times), bool)
     for signal in signals:
         times, values = series[signal.name]
@@ -294,16 +278,15 @@ def sampled(
             _refuse_supposed(times, signal, spec)
         samples[signal.name], bridged = on_grid(times, values, grid, signal, spec)
         filled |= bridged
-    _refuse_filled(filled, series, spec)
+    if filled.mean() > spec.input.max_filled:
+        _refuse_filled(float(filled.mean()), series, spec)
     return samples, int(filled.sum())
 
 
 def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec) -> tuple[Floats, Bools]:
     """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged.
 
-    Held values are averaged over each sample, which keeps the volume: the last value before an instant would
-    shift a flow with stamps between the instants by up to a sample. Raises DataError for a gap longer than
-    `[input] max_gap`; TrailingGap where it is at the end.
+    DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
     if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
@@ -313,10 +296,10 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     _refuse_gaps(times, grid, signal, spec)
     after = times.searchsorted(grid.times + late, side="right")
     before = np.maximum(after - 1, 0)  # ahead of the first value, that one
-    if not signal.held:
-        samples = np.interp(grid.times, times, values)
-    else:
-        samples = held_means(times, values, np.append(grid.times, grid.end))
+    # means keep the volume: the last value before an instant would shift a flow with stamps between the
+    # instants by up to a sample
+    edges = np.append(grid.times, grid.end)
+    samples = held_means(times, values, edges) if signal.held else np.interp(grid.times, times, values)
     # where a value is missing, what comes later than one interval after the last is not measured but bridged
     bounded = np.append(times, max(grid.end, int(times[-1])))
     missed = np.diff(bounded) > MISSED * signal.spacing
@@ -356,10 +339,11 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
     if usual > MISSED * spacing:
         raise DataError(f"{text}: {_coarse(signal, usual, spec)}")
-    kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
-    if kind is TrailingGap and gaps[-1] <= signal.shift + spec.tolerance:
+    if gaps[:-1].max() > allowed:
+        raise DataError(f"{text} ({_limit(spec)})")
+    if gaps[-1] <= signal.shift + spec.tolerance:
         text += ": the row that closes the day is the first of the next one's log, and is not there"
-    raise kind(f"{text} ({_limit(spec)})")
+    raise TrailingGap(f"{text} ({_limit(spec)})")
 
 
 def _refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
@@ -373,11 +357,8 @@ def _refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
         )
 
 
-def _refuse_filled(filled: Bools, series: TimedValues, spec: Spec) -> None:
+def _refuse_filled(share: float, series: TimedValues, spec: Spec) -> NoReturn:
     """Raise DataError for a data set of which too much was bridged."""
-    share = float(filled.mean())
-    if share <= spec.input.max_filled:
-        return
     text = f"{share:.0%} of the samples lie in gaps (limit {spec.input.max_filled:.0%}, [input] max_filled)"
     steps = {
         signal.name: int(np.median(np.diff(times))) if len(times := series[signal.name][0]) > 1 else 0
@@ -400,17 +381,13 @@ def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -
     every = f"{signal.name} comes every {_span(usual)}"
     if finest == 0 or signal.spacing != round(spec.period * MICRO):
         return f"{every}: if that is its interval, {declare}"
-    period = "[reach] sample_time is not set:"
-    if spec.period_set:
-        period = f"[reach] sample_time = {spec.period:g} s, but"
+    declared = f"[reach] sample_time = {spec.period:g} s, but"
+    period = declared if spec.period_set else "[reach] sample_time is not set:"
+    sample_time = f"set [reach] sample_time = {(finest or usual) / MICRO:g}"
     if finest:
         only = f"or, where that is the interval of one column only, {declare}"
-        s = f"{finest / MICRO:g}"
-        return f"{period} the log comes every {s} s: set [reach] sample_time = {s}; {only}"
-    return (
-        f"{period} {every}: set [reach] sample_time = {usual / MICRO:g} if all columns do; if that is its "
-        f"interval, {declare}"
-    )
+        return f"{period} the log comes every {finest / MICRO:g} s: {sample_time}; {only}"
+    return f"{period} {every}: {sample_time} if all columns do; if that is its interval, {declare}"
 
 
 def _limit(spec: Spec) -> str:
@@ -424,8 +401,8 @@ def _span(micros: int) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
+# where a day ends last: what is not yet over there may not be over at a clock of unknown zone
 LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
-"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
 OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 
@@ -435,19 +412,14 @@ class ChangedError(DataError):
 
 @dataclass(frozen=True)
 class DataSet:
-    """Samples of consecutive days at T_s; each series has the shape (N,).
+    """Samples of consecutive days at T_s; each series has the shape (N,)."""
 
-    `date` is the last day's. `inflow` u_Qi and `outflow` u_Qo are in m3/s; the outflow is None where it is
-    not logged, and for a river. `output` is the level h_L [m], or a river's discharge Q_L [m3/s]. `n_filled`
-    samples bridge a gap in any column. `notes` are counts of what was dropped, masked or sorted, or empty.
-    """
-
-    date: dt.date
-    inflow: Floats
-    outflow: Floats | None
-    output: Floats
-    n_filled: int
-    notes: str
+    date: dt.date  # the last day's
+    inflow: Floats  # u_Qi [m3/s]
+    outflow: Floats | None  # u_Qo [m3/s]; None where it is not logged, and for a river
+    output: Floats  # the level h_L [m], or a river's discharge Q_L [m3/s]
+    n_filled: int  # samples that bridge a gap in any column
+    notes: str  # counts of what was dropped, masked or sorted, or empty
 
 
 Span = tuple[int, int]
@@ -458,15 +430,14 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
     """Cut a day's log into data sets of `[run] window`; return them and the zone of the log.
 
     They follow each other from the first row on, and again from the first row after each pause that no data
-    set may hold. The rest of a stretch, shorter than a data set, is left out. DataError where the log of the
-    day cannot be read, or is too short.
+    set may hold; the rest of a stretch is left out. DataError where the log cannot be read, or is too short.
     """
     spec, length = spec_of(config), round(config.run.window_s * MICRO)
     series, zone = _day(_folder(root), source, spec, Counter())
     if not all(len(times) for times, _ in series.values()):
         raise DataError(f"the log of {source.date} has an empty column")
     times, begin = series["u_Qi"][0], max(int(times[0]) for times, _ in series.values())
-    spacing = next(signal.spacing for signal in spec.signals if signal.name == "u_Qi")
+    spacing = spec.signals[0].spacing  # of u_Qi
     pause = spacing + min(spec.max_gap, round(spec.input.max_filled * length))
     spans = []
     for part in np.split(times, np.flatnonzero(np.diff(times) > pause) + 1):
@@ -488,10 +459,9 @@ def read_window(
 ) -> DataSet:
     """Read consecutive days, in date order, or a span of :func:`spans_of`, and put them on one grid.
 
-    `root` is DATA_DIR, or the one file that was given for it. A log of `today` may be unfinished; of a moment
-    (aware), the day is that of the log's own zone. DataError with the reason for which these days cannot be
-    used; it names file and, where known, line. PendingError where the last day is `today` or later and its
-    log is not finished.
+    `root` is DATA_DIR, or the one file that was given for it. Of a moment (aware), `today` is the day in the
+    log's own zone. DataError with the reason for which these days cannot be used; PendingError where the last
+    day is `today` or later and its log is not finished.
     """
     spec, folder, last = spec_of(config), _folder(root), sources[-1]
     try:
@@ -522,51 +492,46 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
         return today is not None and source.date >= today
     declared = spec.input.time_zone
     zone: dt.tzinfo = ZoneInfo(declared) if declared else LAST_ZONE
-    for path, *_ in source.parts if not declared else ():
-        try:
-            zone = load(root / path, shown(path), spec).zone
-        except DataError:
-            continue  # not a row of it can be read yet
-        break
+    for path, *_ in source.parts:
+        with suppress(DataError):  # where not a row of it can be read yet
+            zone = load(root / path, spec).zone
+            break
     return source.date >= today.astimezone(zone).date()
 
 
 def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:
-    """Refuse, before any work, a configuration that names columns which the logs do not have.
+    """ConfigError, before any work, where the first, the middle and the last day all lack a column.
 
-    The first, the middle and the last of all days are read. ConfigError where a column is missing or doubled
-    in each of these; one odd log among others fails its day only.
+    One odd log among others fails its day only.
     """
     folder, spec = _folder(root), spec_of(config)
     reasons = []
     for at in {0, len(days) // 2, len(days) - 1}:
         path, *_ = days[at].parts[0]
         try:
-            load(folder / path, shown(path), spec)
+            load(folder / path, spec)
+            return
         except ColumnError as error:
             reasons.append(str(error))
         except DataError:
             return  # the day's own fault
-        else:
-            return
-    if reasons:
-        raise ConfigError(min(reasons))
+    raise ConfigError(min(reasons))
 
 
 def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | None) -> DataSet:
     notes: Counter[str] = Counter()
     days = [_day(root, source, spec, notes) for source in sources]
     bounds = [day_bounds(source.date, zone) for source, (_, zone) in zip(sources, days, strict=True)]
-    for k, ((_, end), (start, _)) in enumerate(pairwise(bounds)):
+    for (a, b), ((_, end), (start, _)) in zip(pairwise(sources), pairwise(bounds), strict=True):
         if end != start:
-            a, b = sources[k].date, sources[k + 1].date
-            if b - a == ONE_DAY:
-                raise DataError(f"{a} and {b} {OFFSETS}")
-            raise DataError(f"{a} and {b} are not consecutive days")
+            why = OFFSETS if b.date - a.date == ONE_DAY else "are not consecutive days"
+            raise DataError(f"{a.date} and {b.date} {why}")
     series = {name: _join([day[name] for day, _ in days]) for name in days[0][0]}
     start, end = span or (bounds[0][0], bounds[-1][1])
-    if span:
-        series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}
+    for name, (times, values) in series.items() if span else ():  # from the last value at its start on
+        low = max(int(times.searchsorted(start + spec.tolerance, side="right")) - 1, 0)
+        high = int(times.searchsorted(end - spec.tolerance))
+        series[name] = times[low:high], values[low:high]
     grid = make_grid(start, end, spec.period, days[0][1])
     samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
@@ -581,8 +546,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
 
 def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[TimedValues, dt.tzinfo]:
     """The series of a day from all its files."""
-    date = source.date
-    logs = []
+    date, logs = source.date, []
     for part in source.parts:
         if source.closing(path := part[0]):
             continue
@@ -604,22 +568,16 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
         paths = " and ".join(log.name for log in logs)
         series = {name: _merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
     for part in source.parts:
-        if source.closing(part[0]):
-            try:
-                log = _as_listed(root, part, date, spec)
-            except ChangedError:
-                raise
-            except DataError:
-                continue  # the next day's fault: without its row, the gap at the end decides
-            series = _closed(series, log, logs[0].bounds(date)[1])
+        if not source.closing(part[0]):
+            continue
+        try:
+            log = _as_listed(root, part, date, spec)
+        except ChangedError:
+            raise
+        except DataError:
+            continue  # the next day's fault: without its row, the gap at the end decides
+        series = _closed(series, log, logs[0].bounds(date)[1])
     return series, zone
-
-
-def _within(times: Ints, values: Floats, span: Span, late: int) -> tuple[Ints, Floats]:
-    """The values of a span, from the last one at or before its start on."""
-    low = max(int(times.searchsorted(span[0] + late, side="right")) - 1, 0)
-    high = int(times.searchsorted(span[1] - late))
-    return times[low:high], values[low:high]
 
 
 def _join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
@@ -633,38 +591,34 @@ def _merge(
     times, values = _join(parts)
     order = np.argsort(times, kind="stable")
     times, values = times[order], values[order]
-    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
-    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
-    if len(conflict):
+    again = np.flatnonzero(np.diff(times) == 0) + 1
+    if len(conflict := again[values[again] != values[again - 1]]):
         i = int(conflict[0])
         moment = clock(int(times[i]), zone, with_date=True)
         raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
-    if repeated.any():
-        notes[f"values of {name} in two files"] += int(repeated.sum())
-    return times[~repeated], values[~repeated]
+    if len(again):
+        notes[f"values of {name} in two files"] += len(again)
+    return np.delete(times, again), np.delete(values, again)
 
 
 def _closed(series: TimedValues, log: Log, end: int) -> TimedValues:
     """A day with the rows of the next day's log that belong to it; those of its own come first."""
-    closed = {}
+    closed = dict(series)
     for name, (times, values) in log.closing(end).items():
-        own = series[name]
-        new = times > own[0][-1] + log.spec.tolerance if len(own[0]) else np.ones(len(times), bool)
-        closed[name] = _join([own, (times[new], values[new])]) if new.any() else own
-    if any(closed[name] is not series[name] for name in closed):
-        for fault in log.faults:
-            if fault.at < end + log.spec.latest:
-                raise DataError(f"{log.name}, {fault.text}")
+        own, _ = series[name]
+        first = int(times.searchsorted(own[-1] + log.spec.tolerance, side="right")) if len(own) else 0
+        if first < len(times):
+            closed[name] = _join([series[name], (times[first:], values[first:])])
+            if log.faults and log.faults[0].at < end + log.spec.latest:
+                raise DataError(f"{log.name}, {log.faults[0].text}")
     return closed
 
 
 def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     """A listed log. Results are stored under the digest of what was listed: refuse anything else."""
     path, digest, of_file = part
-    if not is_day_file(path) and (same := _same(root, path, of_file, spec)):
-        return same
     for fresh in (False, True):
-        log = load(root / path, shown(path), spec, fresh=fresh)
+        log = load(root / path, spec, fresh=fresh)
         if log.digest == of_file:
             return log
         if not is_day_file(path) and log.digest_of(date) == digest:
@@ -672,38 +626,27 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     raise ChangedError(f"{log.name} is not what it was when it was listed: run again, with --verify")
 
 
-@lru_cache(maxsize=2)  # a data set may begin in one file and end in the next
-def _same(root: Path, path: str, digest: str, spec: Spec) -> Log | None:
-    """A file of many days that has this digest, looked at once for all of them; None where it has another."""
-    log = load(root / path, shown(path), spec)
-    return log if log.digest == digest else None
-
-
 def _count_outside(log: Log, date: dt.date, notes: Counter[str]) -> None:
     """Count the rows of a day's file that are of other days."""
     start, end = log.bounds(date)
-    if log.times[0] >= start and log.times[-1] < end:
-        return
     # a row of the first midnight may close the day before
     low, high = log.times.searchsorted((start, end + log.spec.latest)).tolist()
-    outside = len(log.times) - (high - low)
-    if outside == len(log.times):
-        held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
-        span = " to ".join(str(day) for day in held)
+    if low == high:
+        first, last = (local(int(time), log.zone).date() for time in log.times[[0, -1]])
+        held = day_range(first, last)
         raise DataError(
-            f"{log.name} holds {span} and nothing of {date}: check its name and [input] time_zone"
+            f"{log.name} holds {held} and nothing of {date}: check its name and [input] time_zone"
         )
-    if outside:
+    if outside := len(log.times) - (high - low):
         notes["rows of other days dropped"] += outside
 
 
 def read_series(
     root: Path, sources: Sequence[DaySource], config: Config
 ) -> tuple[TimedValues, dt.tzinfo | None, list[str]]:
-    """Values of some days as they are logged, on no grid; days that cannot be read are left out.
+    """Values of some days as they are logged, on no grid; the zone of the last day that was read, if any.
 
-    Returns times [us UTC] and values of each canonical column, shape (n,) each, empty where no day can be
-    read; the zone of the last day that was read, or None; and the reasons of the days that were left out.
+    Days that cannot be read are left out; their reasons are returned too.
     """
     spec, folder = spec_of(config), _folder(root)
     parts: list[TimedValues] = []

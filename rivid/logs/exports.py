@@ -8,7 +8,7 @@ import datetime as dt
 import difflib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import reduce
 from hashlib import sha256
@@ -42,8 +42,7 @@ from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
 from rivid.types import ONE_DAY, Floats, Ints
 
-EMPTY = frozenset(InputConfig().missing)
-"""Marks that no system writes for a state of its instruments."""
+EMPTY = frozenset(InputConfig().missing)  # marks that no system writes for a state of its instruments
 _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
 """A source in one file: file name, columns, times [us UTC], values and statuses."""
 
@@ -77,7 +76,7 @@ class Series:
 
 def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[Table]:
     """Read all files, and the rows of a query; UndeclaredError for what none of them holds or declares."""
-    tables = [read_table(path, shown(path.name), spec, MANY, export=True) for path in dict.fromkeys(paths)]
+    tables = [read_table(path, spec, export=True) for path in dict.fromkeys(paths)]
     if rows:
         tables.append(table_of(rows, spec, "the query", MANY, "", export=True))
     for table in tables:
@@ -88,16 +87,14 @@ def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[T
         # an export of other tags is no fault; one that was to be read, and of which no row can be, is
         if table.lacking and (not found or not table.others):
             raise UndeclaredError(f"{table.name}, {table.lacking}")
-    for signal in spec.signals:
-        for source in signal.sources:
-            if source not in found:
-                unread = {name for table in tables for name in (*table.others, *table.cells)}
-                near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
-                nearest = f"; nearest is {near[0]!r}" if near else ""
-                raise UndeclaredError(
-                    f"no export holds {source!r} for {signal.name}{nearest}: "
-                    f"set [input] {signal.name} to the export's own name"
-                )
+    for role, source in ((signal.name, source) for signal in spec.signals for source in signal.sources):
+        if source not in found:
+            unread = {name for table in tables for name in (*table.others, *table.cells)}
+            near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
+            nearest = f"; nearest is {near[0]!r}" if near else ""
+            raise UndeclaredError(
+                f"no export holds {source!r} for {role}{nearest}: set [input] {role} to the export's own name"
+            )
     return tables
 
 
@@ -132,37 +129,29 @@ def _refuse_units(table: Table, spec: Spec) -> None:
 
 
 def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Series], list[Fault]]:
-    """The zone of the local days, the series of all files, and the faults of their days in order of time.
-
-    UndeclaredError where the zone is unknown or differs between files.
-    """
-    zone = _one_zone(tables, spec)
+    """The zone of the local days, the series of all files, and the faults of their days in order of time."""
+    parts = [(table.name, columns) for table in tables for columns in table.parts]
+    zones = {zone_of(columns, spec, file): file for file, columns in parts}
+    zone, *_ = zones
+    if len({day_bounds(dt.date(2000, 1, 1), each) for each in zones}) > 1:
+        one, other, *_ = zones.values()
+        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
     faults: list[Fault] = []
     pieces: dict[str, list[_Piece]] = {source: [] for source in spec.sources}
-    for table in tables:
-        for columns in table.parts:
-            times, wrong = in_utc(columns, zone, spec)
-            rows = [fault.at for fault in wrong]
-            wrong += suspect(columns, times, spec, zone)
-            # of a row that cannot be read the day is not known: it counts for those of both neighbours
-            wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
-            last = len(times) - 1
-            dated = {(int(times[min(max(f.at, 0), last)]), f"{table.name}, {f.text}", f.cut) for f in wrong}
-            faults += [Fault(*fault) for fault in dated]
-            for name in columns.numbers:
-                piece = _piece(name, columns, times, table.name, spec)
-                piece[-1][rows] = ValueStatus.TIME
-                pieces[name].append(piece)
-    series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
+    for file, columns in parts:
+        times, wrong = in_utc(columns, zone, spec)
+        rows = [fault.at for fault in wrong]
+        wrong += suspect(columns, times, spec, zone)
+        # of a row that cannot be read the day is not known: it counts for those of both neighbours
+        wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
+        places = [int(times[min(max(fault.at, 0), len(times) - 1)]) for fault in wrong]
+        faults += {Fault(at, f"{file}, {f.text}", f.cut) for at, f in zip(places, wrong, strict=True)}
+        for name in columns.numbers:
+            piece = _piece(name, columns, times, file, spec)
+            piece[-1][rows] = ValueStatus.TIME
+            pieces[name].append(piece)
+    series = {name: _join(name, found, zone, faults) for name, found in pieces.items()}
     return zone, series, sorted(faults)
-
-
-def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
-    zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
-    if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
-        one, other = list(zones.values())[:2]
-        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
-    return next(iter(zones))
 
 
 def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _Piece:
@@ -191,44 +180,35 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
     again, found = repeated(name, times, values, there, zone, place)
     faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
-    unreadable = sum(len(columns.bad) for columns in all_columns)
-    return Series(name, times, values, statuses, unsorted, unreadable)
+    return Series(name, times, values, statuses, unsorted, sum(len(columns.bad) for columns in all_columns))
 
 
 def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
-    """The account as JSON holds it: values read = values used + values dropped, by reason.
-
-    To be drawn up once the statuses of all values are set; values of unreadable rows count once per source.
-    """
+    """The account as JSON holds it: values read = values used + values dropped, by reason."""
     sources = {}
     for one in series:
-        kinds, counts = np.unique(one.statuses, return_counts=True)
-        count = Counter(dict(zip(kinds.tolist(), counts.tolist(), strict=True)))
-        count[ValueStatus.UNREADABLE] += one.unreadable
+        used, *dropped = np.bincount(one.statuses, minlength=len(ValueStatus)).tolist()
+        dropped[-1] += one.unreadable  # of rows, once per source
         sources[one.name] = {
-            "read": count.total(),
-            "used": count[ValueStatus.USED],
-            "dropped": {word: count[status] for status, word in enumerate(REASONS, 1) if count[status]},
+            "read": used + sum(dropped),
+            "used": used,
+            "dropped": {reason: count for reason, count in zip(REASONS, dropped, strict=True) if count},
             "sorted": one.unsorted,
         }
-    flags: Counter[str] = Counter()
-    files = []
-    for table in tables:
-        for columns in table.parts:
-            flags.update(flag for _, flag in columns.flagged)
-        good = sum(len(columns.times) for columns in table.parts)
-        files.append(
-            {
-                "file": table.name,
-                "rows": table.rows,
-                "unreadable_rows": table.rows - table.others.total() - good,
-                "comment_lines": table.comments,
-                "repeated_headers": table.headers,
-                "empty_lines": table.empty,
-                "footer_lines": table.footers,
-                "rows_of_other_tags": dict(table.others),
-            }
-        )
+    files = [
+        {
+            "file": table.name,
+            "rows": table.rows,
+            "unreadable_rows": table.rows - table.others.total() - sum(len(c.times) for c in table.parts),
+            "comment_lines": table.comments,
+            "repeated_headers": table.headers,
+            "empty_lines": table.empty,
+            "footer_lines": table.footers,
+            "rows_of_other_tags": dict(table.others),
+        }
+        for table in tables
+    ]
+    flags = Counter(flag for table in tables for columns in table.parts for _, flag in columns.flagged)
     return {"sources": sources, "flags": dict(flags), "files": files}
 
 
@@ -252,14 +232,13 @@ Origins = list[tuple[Series, Ints]]
 class Canonical:
     """A canonical column: its values, or the reports of sources that are logged when they change.
 
-    Reports (`[input.hold]`) are sampled on the grid of each day and hold until the next one; then `times` and
-    `values` are empty, and `origins` are the reports in order of time.
+    Reports (`[input.hold]`) are sampled on the grid of each day and hold until the next one.
     """
 
     signal: Signal  # for the grid: with reports, the column comes every T_s
-    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted
+    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted; no reports
     values: Floats  # (n,) [m3/s] or [m]
-    origins: Origins  # per source: the row of each value in it
+    origins: Origins  # per source: the row of each value, or report, in it
 
     @property
     def stamps(self) -> Ints:
@@ -304,52 +283,39 @@ class Canonical:
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
     """The canonical columns; statuses of values that lack a partner in every sum are set."""
-    matched = {name: np.zeros(len(s.times), bool) for name, s in series.items()}
+    usable = {name: np.flatnonzero(one.statuses == ValueStatus.USED) for name, one in series.items()}
+    for name, rows in usable.items():
+        series[name].statuses[rows] = ValueStatus.UNMATCHED
     columns = []
     for signal in spec.signals:
-        parts = [series[name] for name in signal.sources]
+        parts = [(series[name], usable[name]) for name in signal.sources]
         if signal.hold:
             signal = replace(signal, spacing=round(spec.period * MICRO), shift=0)
             # a flag, sentinel or status ends what was held before
             no_report = (ValueStatus.DUPLICATE, ValueStatus.TIME)
-            reports = [(part, np.flatnonzero(~np.isin(part.statuses, no_report))) for part in parts]
-            columns.append(Canonical(signal, np.empty(0, np.int64), np.empty(0), reports))
-            for part in parts:
-                matched[part.name][:] = True
-            continue
-        rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
-        stamps = [part.times[there] for part, there in zip(parts, rows, strict=True)]
-        common = reduce(np.intersect1d, stamps)
-        kept = [there[np.isin(times, common)] for times, there in zip(stamps, rows, strict=True)]
-        origins = list(zip(parts, kept, strict=True))
-        for part, there in origins:
-            matched[part.name][there] = True
-        total = reduce(np.add, [part.values[there] for part, there in origins])
-        columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
-    for name, found in matched.items():
-        alone = ~found & (series[name].statuses == ValueStatus.USED)
-        series[name].statuses[alone] = ValueStatus.UNMATCHED
+            origins = [(part, np.flatnonzero(~np.isin(part.statuses, no_report))) for part, _ in parts]
+            columns.append(Canonical(signal, np.empty(0, np.int64), np.empty(0), origins))
+        else:
+            common = reduce(np.intersect1d, [part.times[rows] for part, rows in parts])
+            parts = origins = [(part, rows[np.isin(part.times[rows], common)]) for part, rows in parts]
+            total = reduce(np.add, [part.values[rows] for part, rows in origins])
+            columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
+        for part, rows in parts:
+            part.statuses[rows] = ValueStatus.USED
     return columns
 
 
 @dataclass
 class DayResult:
-    """A day and its status.
-
-    Judged, it is good, refused or pending; a good one is then written, identical, or differs: another log
-    stays in place.
-    """
+    """A day and its status."""
 
     date: dt.date
+    # good, refused or pending; a good one becomes written, identical, or differs: another log stays in place
     status: str = "good"
     reason: str = ""
     file: str = ""
     rows: int = 0
     filled: int = 0  # samples of the grid that lie in gaps
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        return {**self.__dict__, "date": str(self.date)}
 
 
 DayRows = tuple[TimedValues, Origins, Origins]
@@ -365,7 +331,7 @@ def dates_of(
     found = set(days_of(np.concatenate([column.times for column in columns]), zone, spec.tolerance))
     if any(held):
         found |= set(days_of(stamps, zone, spec.tolerance))
-        if all(held):  # nothing may change for a whole day
+        if found and all(held):  # nothing may change for a whole day
             found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
     kept = []
     for date in sorted(found):
@@ -385,17 +351,15 @@ def judge(
     today: dt.date,
     whole: bool = True,
 ) -> tuple[DayResult, DayRows]:
-    """A day as `rivid run` would take it, and its rows; a log of `today` or later may be unfinished.
-
-    If the data sets are not `whole` days, gaps refuse no day.
-    """
+    """A day as `rivid run` would take it, and its rows; where data sets are not `whole` days, with gaps."""
     grid = make_grid(*day_bounds(date, zone), spec.period, zone)
     parts = {column.signal.name: column.of_day(grid, spec.tolerance) for column in columns}
     series = {name: (times, values) for name, (times, values, _) in parts.items()}
     origins = [origin for _, _, found in parts.values() for origin in found]
     rows = series, origins, [r for column in columns for r in column.reports_within(grid)]
-    day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
+    low, high = grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest
     own, given = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high], spec.input.time_zone
+    day = DayResult(date)
     if own:
         more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
         day.status, day.reason = "refused", f"{own[0].text}{more}"
@@ -427,24 +391,20 @@ def _advice(columns: Sequence[Canonical], series: TimedValues, grid: Grid) -> st
     return ""
 
 
+# status of the values of a day that is not used
 OF_DAY = {"refused": ValueStatus.REFUSED, "pending": ValueStatus.PENDING, "differs": ValueStatus.STANDING}
-"""Status of the values of a day that is not used."""
+# keys of `[input]` on how days are made of values, not on what a file looks like
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
-"""Keys of `[input]` on how days are made of values, not on what a file looks like."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of an ingest, its days in date order.
+    """The result of an ingest."""
 
-    `ledger` is the account of the values (:func:`ledger_of`), `notes` are tags and columns that were not
-    read.
-    """
-
-    days: list[DayResult]
-    ledger: dict[str, Any]
+    days: list[DayResult]  # in date order
+    ledger: dict[str, Any]  # the account of the values, of :func:`ledger_of`
     run_config: Path
-    notes: list[str] = field(default_factory=list)
+    notes: list[str]  # tags, columns and lines that were not read
 
     @property
     def counts(self) -> Counter[str]:
@@ -461,7 +421,7 @@ class Outcome:
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         return {
-            "days": [day.to_json() for day in self.days],
+            "days": [{**vars(day), "date": str(day.date)} for day in self.days],
             "counts": dict(self.counts),
             "values": self.ledger,
             "notes": self.notes,
@@ -489,8 +449,7 @@ def ingest(
     configuration of the logs goes to `run_config` (default: ``<out>_run.toml``). One that this function wrote
     is written again where nothing but that changes; where logs differ, or the file was edited, it stays.
     ConfigError where the exports are not as declared, or something in place must not be overwritten;
-    DataError where a file cannot be read; NoDataError where the exports hold no value of the required
-    columns.
+    DataError where a file cannot be read.
     """
     spec = spec_of(config)
     run_config = run_config or run_config_of(out)
@@ -522,9 +481,9 @@ def ingest(
             yield day, rows, out / f"{date}.{format}", data
 
     if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
-        for day, _, path, data in judged():
-            if day.status == "good" and _standing_log(path, data)[0] == "differs":
-                _refuse_overwriting(run_config)
+        good = ((path, data) for day, _, path, data in judged() if day.status == "good")
+        if any(_standing_log(*each)[0] == "differs" for each in good):
+            _refuse_overwriting(run_config)
     results = []
     for day, (_, origins, reports), path, data in judged():
         if day.status == "good":
@@ -546,13 +505,13 @@ def _write(day: DayResult, path: Path, data: bytes, *, force: bool, dry_run: boo
     if dry_run:
         return
     day.status, day.file = _standing_log(path, data)
-    plain = day.file == path.name and path.is_file() and not path.is_symlink()
-    if day.status == "absent" or (day.status == "differs" and force and plain):
+    plain = path.is_file() and not path.is_symlink()
+    if day.status == "differs" and day.file != path.name:
+        day.reason = f"{day.file} is there already: take it away, or choose its --format"
+    elif day.status == "absent" or (day.status == "differs" and force and plain):
         with replacing(path) as scratch:
             scratch.write_bytes(data)
         day.status = "written"
-    elif day.status == "differs" and day.file != path.name:
-        day.reason = f"{day.file} is there already: take it away, or choose its --format"
     elif day.status == "differs":
         day.reason = f"{day.file} is there and differs: --force writes it again"
 
@@ -568,15 +527,13 @@ def _bytes_of(series: TimedValues, zone: dt.tzinfo, format: Format) -> tuple[byt
 
 def _standing_log(path: Path, data: bytes) -> tuple[str, str]:
     """Whether the log of a day is "absent", "identical", or one that "differs"; and its file name."""
-    stem = path.name[:10]
-    for other in (path.with_name(f"{stem}{suffix}") for suffix in SUFFIXES):
+    for other in (path.with_name(f"{path.name[:10]}{suffix}") for suffix in SUFFIXES):
         if other != path and (other.exists() or other.is_symlink()):
             return "differs", other.name
-    if not path.exists() and not path.is_symlink():
-        return "absent", path.name
-    plain = path.is_file() and not path.is_symlink()
-    same = plain and path.stat().st_size == len(data) and path.read_bytes() == data
-    return "identical" if same else "differs", path.name
+    if path.is_file() and not path.is_symlink():
+        same = path.stat().st_size == len(data) and path.read_bytes() == data
+        return "identical" if same else "differs", path.name
+    return "differs" if path.exists() or path.is_symlink() else "absent", path.name
 
 
 def _refuse_place(out: Path, exports: Sequence[Path]) -> None:
@@ -599,19 +556,16 @@ def _refuse_place(out: Path, exports: Sequence[Path]) -> None:
 
 
 def _notes(tables: Sequence[Table]) -> list[str]:
-    others = Counter[str]()
-    unread: dict[str, None] = {}
-    for table in tables:
-        others += table.others
-        unread |= dict.fromkeys(table.cells)
+    others = sum((table.others for table in tables), Counter[str]())
+    unread = dict.fromkeys(name for table in tables for name in table.cells)
     notes = []
     if unread:
         notes.append(f"columns not read: {', '.join(name[:40] for name in unread)}")
     if footers := sum(table.footers for table in tables):
         notes.append(f"last lines of files that hold no data (footer_rows): {footers:,d} passed over")
     if others:
-        tags = ", ".join(f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12))
-        notes.append(f"tags not asked for: {tags}{', ...' if len(others) > 12 else ''}")
+        tags = [f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12)]
+        notes.append(f"tags not asked for: {', '.join(tags)}{', ...' if len(others) > 12 else ''}")
     return notes
 
 
@@ -630,8 +584,7 @@ def config_for_logs(config: Config) -> str:
         own["u_Qo"] = ""
     if config.input.interval:
         own["interval"] = dict(config.input.interval)
-    reach = {"reach": raw.pop("reach")} if "reach" in raw else {}
-    raw = reach | {"input": own} | raw
+    raw = {"reach": raw.pop("reach", {}), "input": own} | raw
     parse(raw, Config, "the configuration for the logs")
     body = tomli_w.dumps({section: entries for section, entries in raw.items() if entries})
     return _first_line(body) + body

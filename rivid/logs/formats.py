@@ -14,7 +14,7 @@ import re
 import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -25,8 +25,8 @@ import numpy as np
 from rivid.errors import DataError
 from rivid.logs.spec import MANY, refuse_rows, refuse_size
 
+# columns of the tables that are not of a workbook; `flag` where there are flags
 HEADER = ("time", "tag", "value", "unit", "flag")
-"""Columns of the tables that are not of a workbook; `flag` where there are flags."""
 Rows = Iterator[Sequence[Any]]
 
 
@@ -56,10 +56,9 @@ def as_text(content: bytes, name: str) -> bytes:
     return text.getvalue().encode()
 
 
-def _attribute(elements: Iterable[ET.Element | None], *names: str) -> str:
-    """The first of these attributes that the first of some elements has, without namespaces."""
-    first = next((each for each in elements if each is not None), None)
-    found = {} if first is None else {key.rpartition("}")[2]: text for key, text in first.attrib.items()}
+def _attribute(element: ET.Element | None, *names: str) -> str:
+    """The first of these attributes that an element has, without namespaces; empty without element."""
+    found = {} if element is None else {key.rpartition("}")[2]: text for key, text in element.attrib.items()}
     return next((found[name] for name in names if found.get(name)), "")
 
 
@@ -85,10 +84,10 @@ def _waterml(content: bytes) -> Rows:
     top = ET.Element("")
     top.append(ET.fromstring(content))
     for one in top.iterfind(".//{*}OM_Observation"):
-        parts = (one.iterfind(f".//{{*}}{kind}") for kind in ("featureOfInterest", "observedProperty"))
+        parts = (one.find(f".//{{*}}{kind}") for kind in ("featureOfInterest", "observedProperty"))
         tag = " ".join(_attribute(part, "title", "href").rsplit("/", 1)[-1] for part in parts).strip()
         default = next(one.iterfind(".//{*}DefaultTVPMeasurementMetadata"), one)
-        unit = _attribute(default.iterfind(".//{*}uom"), "code", "title", "href")
+        unit = _attribute(default.find(".//{*}uom"), "code", "title", "href")
         usual = _flag(default)
         for point in one.iterfind(".//{*}MeasurementTVP"):
             time, value = (next(point.iterfind(f"{{*}}{kind}")).text for kind in ("time", "value"))
@@ -97,7 +96,8 @@ def _waterml(content: bytes) -> Rows:
 
 def _flag(element: ET.Element) -> str:
     """The qualifier within an element, else the quality."""
-    return _attribute((element.find(".//{*}qualifier"), element.find(".//{*}quality")), "title", "href")
+    found = (element.find(f".//{{*}}{kind}") for kind in ("qualifier", "quality"))
+    return _attribute(next((each for each in found if each is not None), None), "title", "href")
 
 
 def _ogc_json(content: bytes) -> Rows:
@@ -115,9 +115,7 @@ def _netcdf(content: bytes) -> Rows:
     engine = "scipy" if content.startswith(b"CDF") else "h5netcdf"
     with import_module("xarray").open_dataset(io.BytesIO(content), engine=engine) as data:
         refuse_size("its content", data.nbytes, MANY[0])  # compressed, it may be any size
-        axes = [
-            data[name] for name in data.variables if data[name].dtype.kind == "M" and data[name].ndim == 1
-        ]
+        axes = [axis for name in data.variables if (axis := data[name]).dtype.kind == "M" and axis.ndim == 1]
         for name, values in data.data_vars.items():
             axis = next((each for each in axes if each.dims[0] in values.dims), None)
             if axis is None or values.dtype.kind not in "fiu":
@@ -131,9 +129,8 @@ def _netcdf(content: bytes) -> Rows:
             table = values.transpose(*where, axis.dims[0]).values.reshape(len(places), -1)
             for place, series in zip(places, table.tolist(), strict=True):
                 tag, unit = f"{place} {name}".strip(), values.attrs.get("units", "")
-                yield from (
-                    (t, tag, "" if v != v else v, unit, "") for t, v in zip(times, series, strict=True)
-                )
+                for time, value in zip(times, series, strict=True):
+                    yield time, tag, "" if value != value else value, unit, ""
 
 
 def _stations(data: Any, dim: str) -> list[str]:
@@ -152,11 +149,11 @@ def _workbook(content: bytes) -> Rows:
             refuse_size("its content", sum(part.file_size for part in parts.infolist()), MANY[0])
     book = library.CalamineWorkbook.from_filelike(io.BytesIO(content))
     sheets = [rows for name in book.sheet_names if (rows := book.get_sheet_by_name(name).to_python())]
-    first: list[list[Any]] = max(sheets, key=len, default=[[]])
-    yield first[0]
-    for rows in sheets:
-        if rows[0] == first[0]:
-            yield from ([_cell(cell) for cell in row] for row in rows[1:])
+    header, *_ = max(sheets, key=len, default=[[]])
+    yield header
+    for first, *rows in sheets:
+        if first == header:
+            yield from ([_cell(cell) for cell in row] for row in rows)
 
 
 def _cell(cell: Any) -> Any:
@@ -189,8 +186,7 @@ def _dss(content: bytes) -> Rows:
 
 DSS_MISSING = (-901.0, -902.0, -float(np.finfo(np.float32).max))
 """Values that HEC-DSS stores for missing ones."""
-ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-"""First bytes of workbooks, new and old."""
+ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # first bytes of workbooks, new and old
 
 
 def _is_workbook(content: bytes) -> bool:

@@ -7,7 +7,6 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 
 import datetime as dt
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial, reduce
@@ -41,6 +40,7 @@ from rivid.logs.spec import (
     refuse_rows,
     refuse_size,
     seconds_of,
+    shown,
     stem_of,
     to_utc,
 )
@@ -54,6 +54,7 @@ from rivid.logs.text import (
     UndeclaredError,
     check_names,
     cut_footer,
+    end_of_lines,
     read_header,
     read_lines,
     split_cells,
@@ -65,10 +66,9 @@ pa.enable_signal_handlers(False)  # its CSV reader loses a signal that comes whi
 
 _OFFSET = re.compile(r"\d{1,2}:?\d\d.*?(Z|[+-]\d\d(?::?\d\d)?)$")
 _FLOAT = pa.float64()
-LONGEST_TEXT = 200
-"""Characters of a cell of Parquet: a text column is unpacked only where no cell is longer."""
+LONGEST_TEXT = 200  # characters of a cell of Parquet: a text column is unpacked only where no cell is longer
+# of the metadata of Parquet: a damaged length must not ask for gigabytes
 _FOOTER = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 200_000}
-"""Of the metadata of Parquet: a damaged length must not ask for gigabytes."""
 
 
 def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
@@ -92,15 +92,11 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
     micros = table.column(0).to_numpy().view(np.int64)
     if micros.min() < FIRST or micros.max() >= LAST or (given.time_format and _may_have_rolled(micros)):
         return None
-    numbers = {}
-    for i, name in enumerate(spec.sources, 1):
-        column = table.column(i)
-        values = column.to_numpy()
-        if np.count_nonzero(np.isfinite(values)) != len(values) - column.null_count:
-            return None  # infinite, or a NaN that is not declared missing
-        numbers[name] = values
-    seconds = seconds_of(offset) if offset else None
+    numbers = {name: table[name].to_numpy() for name in spec.sources}
+    if any(np.count_nonzero(~np.isfinite(v)) != table[name].null_count for name, v in numbers.items()):
+        return None  # infinite, or a NaN that is not declared missing
     first = line + given.unit_rows + 1
+    seconds = seconds_of(offset) if offset else None
     return Columns(micros, bool(offset), seconds, numbers, range(first, first + len(micros)))
 
 
@@ -127,8 +123,7 @@ def _options(names: tuple[str, ...], spec: Spec, aware: bool) -> tuple[Any, Any,
 def _first_offset(content: bytes, header: Header, spec: Spec) -> str:
     """The UTC offset written in the first row, empty where there is none."""
     names, begin, _ = header
-    end = content.find(b"\n", begin)
-    row = content[begin : end if end >= 0 else None].decode("utf-8", "replace")
+    row = content[begin : end_of_lines(content, begin)].decode("utf-8", "replace")
     cells = row.split(spec.input.separator)
     at = names.index(spec.time[0])
     match = _OFFSET.search(cells[at].strip().strip('"')) if at < len(cells) else None
@@ -145,11 +140,10 @@ def _may_have_rolled(micros: Ints) -> bool:
 def read_parquet(
     content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, watch: bool
 ) -> Table:
-    """Read a Parquet file of at most `limits` bytes, unpacked, and rows.
+    """Read a Parquet file; `limits` of bytes, unpacked, and rows; `stem`, `watch` as of :class:`RowReader`.
 
     Numbers and times are taken as they are. With texts, flags, zones or tags, or to `watch` the other
-    columns, cells are read as in text files; `stem` is the tag where no column holds it. DataError for a file
-    that is damaged, too large, or lacks the required columns and types; CutError for one without its end.
+    columns, cells are read as in text files.
     """
     if content[:4] != b"PAR1":
         raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
@@ -180,13 +174,10 @@ def _unpack(
     refuse_rows(name, metadata.num_rows, limits[1])
     unpacked = sum(max(metadata.row_group(i).total_byte_size, 0) for i in range(metadata.num_row_groups))
     refuse_size(name, unpacked, limits[0])
-    counts = Counter(schema.names)
-    read = wanted or [column for column in schema.names if counts[column] == 1]
+    read = wanted or [column for column in schema.names if schema.names.count(column) == 1]
     texts = [column for column in read if _is_text(schema.field(column).type)]
     for column in wanted or ():
-        kind = schema.field(column).type
-        if column in texts:
-            continue
+        kind, expected = schema.field(column).type, ""
         is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
         counted = spec.input.time_format in UNIX and len(spec.time) == 1 and is_number
         if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
@@ -194,9 +185,8 @@ def _unpack(
             expected = f"times or text{hint if is_number else ''}"
         elif column in spec.sources and not is_number:
             expected = "numbers"
-        else:
-            continue
-        raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
+        if expected and column not in texts:
+            raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
     if texts:  # as codes, so that a long text that many rows share stays one
         file = opened(pa.BufferReader(content), read_dictionary=texts)
     table = file.read(columns=wanted, use_threads=False)
@@ -232,7 +222,7 @@ def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
         if watch or any(cells):
             reader.row(number, list(cells))
         else:
-            reader.empty.append(reader.count)
+            reader.dropped["empty rows"].append(reader.count)
     read, zone = reader.table(), getattr(kinds[0], "tz", None)
     if _fixed_offset(zone) is None:
         read.parts = [replace(columns, zone=zone) for columns in read.parts]
@@ -240,20 +230,20 @@ def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
 
 
 def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
-    kind, texts = column.type, []
+    kind = column.type
     if pa.types.is_timestamp(kind):  # Python has no nanoseconds
         column = column.cast(pa.timestamp("us", tz=kind.tz), safe=False)
     elif pa.types.is_decimal(kind):
         column = column.cast(_FLOAT, safe=False)
-    for cell in column.to_pylist():
-        if cell is None:
-            text = ""
-        elif isinstance(cell, float):
-            text = "" if cell != cell else repr(cell).replace(".", decimal)
-        else:
-            text = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
-        texts.append(text.strip())
-    return texts
+
+    def text(cell: Any) -> str:
+        if cell is None or cell != cell:
+            return ""
+        if isinstance(cell, float):
+            return repr(cell).replace(".", decimal)
+        return cell.isoformat() if hasattr(cell, "isoformat") else str(cell).strip()
+
+    return [text(cell) for cell in column.to_pylist()]
 
 
 def _as_numbers(table: pa.Table, spec: Spec) -> Table:
@@ -268,10 +258,8 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
     empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
-    for i in np.flatnonzero(empty).tolist():
-        bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
-    faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)]
+    faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad) if not empty[i]]
     if not len(rows):
         return Table([], faults[0].text if faults else "a header and no rows")
     columns = Columns(
@@ -281,7 +269,7 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
         {column: values[rows] for column, values in numbers.items()},
         range(1, len(rows) + 1) if len(rows) == len(good) else (rows + 1).tolist(),
         bad=faults,
-        dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
+        dropped={"empty rows": before[empty].tolist()},
         zone=zone if offset is None else None,
         unit="row",
     )
@@ -290,10 +278,11 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
 
 def _times(column: pa.ChunkedArray, spec: Spec, bad: dict[int, str]) -> tuple[Ints, str | None]:
     """Times [us], and their zone: that of the timestamps, or UTC of counts."""
-    zone = column.type.tz if pa.types.is_timestamp(column.type) else "UTC"
     if pa.types.is_timestamp(column.type):
+        zone = column.type.tz
         micros = column.cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
     else:
+        zone = "UTC"
         micros = np.rint(column.cast(_FLOAT, safe=False).to_numpy() * UNIX[spec.input.time_format or ""])
     known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
     _mark(np.isnan(micros), bad, "no time")
@@ -313,8 +302,7 @@ def _mark(rows: Bools, bad: dict[int, str], reason: str) -> None:
         bad.setdefault(i, reason)
 
 
-LARGEST = 1e6
-"""Largest flow [m3/s] or level [m]: beyond any river or gauge, so a larger number is damage."""
+LARGEST = 1e6  # largest flow [m3/s] or level [m]: beyond any river or gauge, so a larger number is damage
 
 PLAIN = (
     *(-999.0, -999.9, -999.99, -999.999, -9999.0, -9999.9, -9999.99, -99999.0, -999999.0),
@@ -325,16 +313,15 @@ PLAIN = (
 ROUND = (-99.0, -99.9, -99.99, -777.0, -1000.0)
 """Others, which a pump may be set to: they must lie farther off, and among values that are all positive."""
 SENTINELS = (*PLAIN, *ROUND)
+# a number that is off by less than the range of the values and this part of the largest is taken as data
 NEAR = 0.1
-"""A number that is off by less than the range of the values and this part of the largest is taken as data."""
-FARTHER = 2.0
-"""Number of such distances by which a number of :data:`ROUND` must be off."""
+FARTHER = 2.0  # number of such distances by which a number of :data:`ROUND` must be off
 _LEAST, _MOST = max(s for s in SENTINELS if s < 0), min(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
 
 _kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
+# files and rows that a process keeps in memory, as windows share days; two files are kept in any case
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
-"""Files and rows that a process keeps in memory, as windows share days; two files are kept in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,8 +341,7 @@ class Log:
     def bounds(self, date: dt.date) -> tuple[int, int]:
         """A local day's rows are those from the first instant on, before the second [us]."""
         start, end = day_bounds(date, self.zone)
-        early = self.spec.tolerance
-        return start - early, end - early
+        return start - self.spec.tolerance, end - self.spec.tolerance
 
     def of_day(self, date: dt.date) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that belongs to a local day."""
@@ -373,8 +359,7 @@ class Log:
     def faults_of(self, date: dt.date) -> list[Fault]:
         """The faults of a local day, those of the rows that close it included."""
         start, end = self.bounds(date)
-        end += self.spec.latest
-        return [fault for fault in self.faults if start <= fault.at < end]
+        return [fault for fault in self.faults if start <= fault.at < end + self.spec.latest]
 
     def events_of(self, date: dt.date) -> dict[str, int]:
         """How much was masked, dropped or sorted on a local day."""
@@ -407,9 +392,8 @@ def cut(times: Ints, values: Floats, start: int, end: int) -> tuple[Ints, Floats
 
 def at_midnights(stamps: Ints, faults: Sequence[Fault], start: int, end: int, spec: Spec) -> bool:
     """Whether stamps (n,) of a day's bounds [us UTC] are those of rows at its midnights alone."""
-    if 2 * max(signal.spacing for signal in spec.signals) > end - start:
-        return False  # a row is much of a day
-    if any(start <= fault.at < end for fault in faults):
+    much_of_a_day = 2 * max(signal.spacing for signal in spec.signals) > end - start
+    if much_of_a_day or any(start <= fault.at < end for fault in faults):
         return False
     low, high = stamps.searchsorted((start + max(2 * spec.tolerance + 1, spec.latest), end))
     return bool(low == high)
@@ -426,46 +410,43 @@ def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
     return days
 
 
-def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
-    """Read a log of one day or of many, or return it as read before, unless `fresh`.
-
-    `fresh` reads in any case: within the clock's tick a changed file may look unchanged. Raises DataError
-    where nothing of the file can be used; CutError where it ends too early.
-    """
+def load(path: Path, spec: Spec, *, fresh: bool = False) -> Log:
+    """Read a log, or return it as read before; `fresh` reads it in any case."""
     try:
         status = path.stat()
     except OSError as error:
-        raise DataError(f"{name} cannot be read: {error.strerror}") from None
+        raise DataError(f"{shown(path.name)} cannot be read: {error.strerror}") from None
+    # within the clock's tick a changed file may look unchanged
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
     log = None if fresh else _kept.pop(key, None)
     if log is None:
         try:
-            log = make_log(read_table(path, name, spec, DAY if is_day_file(path.name) else MANY), spec)
+            log = make_log(read_table(path, spec), spec)
         except MemoryError:
-            raise DataError(f"{name} does not fit into memory ({status.st_size / 1e6:,.0f} MB)") from None
+            size = f"{status.st_size / 1e6:,.0f} MB"
+            raise DataError(f"{shown(path.name)} does not fit into memory ({size})") from None
     _kept[key] = log
-    while len(_kept) > KEPT_FILES or (
-        len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
+    while len(_kept) > 2 and (
+        len(_kept) > KEPT_FILES or sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
     ):
         del _kept[next(iter(_kept))]
     return log
 
 
-def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, export: bool = False) -> Table:
-    """Read a file, text or Parquet, wide or long, of at most `limits` bytes and rows.
+def read_table(path: Path, spec: Spec, *, export: bool = False) -> Table:
+    """Read a log; or an `export`: of any suffix, with some of the sources, and columns that are not read.
 
-    With `export`, the columns that are not read matter too, some of the sources are enough, and any suffix is
-    allowed. Raises UndeclaredError where the file is not as declared, DataError where nothing of it can be
-    used, CutError where it ends too early.
+    UndeclaredError where it is not as declared, DataError where nothing can be used, CutError where it ends
+    too early.
     """
+    name, limits = shown(path.name), DAY if is_day_file(path.name) and not export else MANY
     content, digest = read_bytes(path, name, limits[0])
     stem = stem_of(path.name)
     if content[:4] == b"PAR1" if export else path.name.lower().endswith(".parquet"):
         table = read_parquet(content, spec, name, limits, stem, watch=export)
     else:
-        table = table_of(
-            as_text(content, name) if export else content, spec, name, limits, stem, export=export
-        )
+        content = as_text(content, name) if export else content
+        table = table_of(content, spec, name, limits, stem, export=export)
     table.name, table.digest = name, digest
     return table
 
@@ -473,17 +454,14 @@ def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, ex
 def table_of(
     content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, export: bool
 ) -> Table:
-    """Read a text: the part of :func:`read_table` that needs no file.
-
-    The fast reader serves where it returns as much: of an export, all columns are read and no cell is empty.
-    """
+    """Read a text: the part of :func:`read_table` that needs no file."""
     content = to_utf8(content, spec, name)
     refuse_rows(name, content.count(b"\n"), limits[1])
     header = names, body, _ = read_header(content, spec, name, some=export)
     content, footers = cut_footer(content, header, spec)
-    fast = None
-    if not export or set(names) == {*spec.time, *spec.sources}:
-        fast = read_fast(content, header, spec)
+    # of an export, other columns and the texts of empty cells matter, too
+    as_fast = not export or set(names) == {*spec.time, *spec.sources}
+    fast = read_fast(content, header, spec) if as_fast else None
     if fast is None or (export and any(np.isnan(v).any() for v in fast.numbers.values())):
         table = read_lines(content, header, spec, name, stem, watch=export)
     else:
@@ -495,7 +473,7 @@ def table_of(
             at = names.index(source)
             table.units[source] = next((row[at] for row in rows if at < len(row) and row[at]), "")
     table.name, table.footers = name, footers
-    for columns in table.parts if footers else ():
+    for columns in table.parts:
         columns.dropped["footer rows"] = [len(columns.times)] * footers
     return table
 
@@ -510,39 +488,30 @@ def make_log(table: Table, spec: Spec) -> Log:
     times, faults = in_utc(columns, zone, spec)  # faults are at a row
     values = {signal.name: _total(signal, columns, spec, events) for signal in spec.signals}
     faults += suspect(columns, times, spec, zone)
-    last = len(times) - 1
-    faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
-    dropped = {"flagged values": [row + 1 for row, _ in columns.flagged], **columns.dropped}
-    for kind, rows in dropped.items():
-        events.setdefault(f"{kind} dropped", []).extend(min(max(row - 1, 0), last) for row in rows)
-
-    steps = np.diff(times)
-    order = np.argsort(times, kind="stable") if (steps < 0).any() else None
-    if order is not None:
-        late = np.flatnonzero(times < np.maximum.accumulate(times))
-        events["rows out of order sorted"] = late.tolist()
+    faults += [bad._replace(at=max(bad.at - 1, 0)) for bad in columns.bad]
+    events["flagged values dropped"] = [row for row, _ in columns.flagged]
+    events |= {f"{kind} dropped": [max(n - 1, 0) for n in before] for kind, before in columns.dropped.items()}
+    events["rows out of order sorted"] = np.flatnonzero(times < np.maximum.accumulate(times)).tolist()
     timed = {kind: np.sort(times[rows]) for kind, rows in events.items() if rows}
-    dated = [Fault(int(times[fault.at]), fault.text, fault.cut) for fault in faults]
-    if order is not None:
-        times, values = times[order], {name: column[order] for name, column in values.items()}
-        steps = np.diff(times)
-    again = np.flatnonzero(steps == 0) + 1
+    dated = [fault._replace(at=int(times[fault.at])) for fault in faults]
+
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], {name: column[order] for name, column in values.items()}
+    again = np.flatnonzero(np.diff(times) == 0) + 1
     if len(again):
         timed["duplicates dropped"] = times[again]
     series = {}
     for signal in spec.signals:
         column, own = values[signal.name], times - signal.shift if signal.shift else times
         there = np.flatnonzero(np.isfinite(column))
-        if len(again):  # values that agree, or are there only once, are joined
-
-            def place(row: int) -> str:
-                return columns.place(row if order is None else int(order[row]))
-
-            twice, found = repeated(signal.name, times, column, there, zone, place)
-            dated += found
-            there = np.delete(there, twice)
+        # values that agree, or are there only once, are joined
+        twice, found = repeated(
+            signal.name, times, column, there, zone, lambda row: columns.place(int(order[row]))
+        )
+        dated += found
+        there = np.delete(there, twice)
         series[signal.name] = (own, column) if len(there) == len(own) else (own[there], column[there])
-    times = np.delete(times, again) if len(again) else times
+    times = np.delete(times, again) if len(again) else times  # mostly shared with the series
     return Log(table.name, spec, zone, times, series, tuple(sorted(dated)), timed, table.digest)
 
 

@@ -21,15 +21,14 @@ import numpy as np
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError
-from rivid.input_config import FLOWS, UNITS, InputConfig
+from rivid.input_config import UNITS, InputConfig
 from rivid.logs import suffix_of
 from rivid.types import ONE_DAY, Ints
 
+# microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare
 MICRO = 1_000_000
-"""Microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare."""
 
-ON_TIME = 0.01
-"""A sample this part of T_s late still counts for its instant: clocks are rounded to ms or s."""
+ON_TIME = 0.01  # a sample this part of T_s late still counts for its instant: clocks are rounded to ms or s
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Spec:
         """How long after a day's end its values may be stamped [us]."""
         return max(signal.shift for signal in self.signals)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Changes whenever a file would be read otherwise."""
         return sha256(repr(self).encode()).hexdigest()
@@ -150,12 +149,12 @@ def _build(config: Config) -> Spec:
         interval = given.interval.get(name)
         spacing = round((interval or reach.sample_time) * MICRO)
         ends = given.stamp.get(name) == "end"
-        unit = given.units.get(name, "m" if name == "h_L" else "m3/s")
+        factors, usual = (UNITS["level"], "m") if name == "h_L" else (UNITS["flow"], "m3/s")
         signals.append(
             Signal(
                 name=name,
                 sources=_listed(column or name),
-                factor=UNITS["flow" if name in FLOWS else "level"][unit],
+                factor=factors[given.units.get(name, usual)],
                 shift=spacing if ends else 0,
                 spacing=spacing,
                 held=name in ("u_Qi", "u_Qo"),
@@ -186,9 +185,9 @@ FIRST, LAST = (int((dt.datetime(y, 1, 1) - EPOCH).total_seconds()) * MICRO for y
 _QUARTER = 900 * MICRO  # offsets change at quarters of an hour only
 _DAY = 86_400 * MICRO
 _MICROSECOND = dt.timedelta(microseconds=1)
-_HOUR_24 = re.compile(r"(?<![\d:])24(:?00(?::?00(?:[.,]0+)?)?)(?![\d:])")
+_HOUR_24 = re.compile(r"(?<![\d:])24(?=:?00(?::?00(?:[.,]0+)?)?(?![\d:]))")
+# time formats that count seconds or milliseconds of UTC since 1970, as [us]
 UNIX = {"unix": MICRO, "unix_ms": 1000}
-"""Time formats that count seconds or milliseconds of UTC since 1970, as [us]."""
 
 
 @lru_cache(maxsize=4096)
@@ -269,20 +268,20 @@ def read_text(text: str, time_format: str | None) -> tuple[int, int | None] | No
     With an offset the time is [us UTC], without (None) [us] on the local clock. `time_format` is that of
     strptime, None for ISO 8601, "unix" or "unix_ms" for UTC. Hour 24:00 is the next day's 00:00.
     """
-    text = text.strip()
+    text, later = text.strip(), 0
     if time_format in UNIX:
         try:
             time = round(float(text) * UNIX[time_format])
         except (ValueError, OverflowError):
             return None
         return (time, 0) if FIRST <= time < LAST else None
-    moment, extra = _moment(text, time_format), 0
-    if moment is None and (match := _HOUR_24.search(text)):
-        moment, extra = _moment(text[: match.start()] + "00" + text[match.start() + 2 :], time_format), 1
+    moment = _moment(text, time_format)
+    if moment is None and _HOUR_24.search(text):
+        moment, later = _moment(_HOUR_24.sub("00", text, count=1), time_format), _DAY
     if moment is None:
         return None
     offset = moment.utcoffset()
-    time = (moment.replace(tzinfo=None) - EPOCH) // _MICROSECOND + extra * _DAY
+    time = (moment.replace(tzinfo=None) - EPOCH) // _MICROSECOND + later
     if not FIRST <= time < LAST:
         return None
     if offset is None:
@@ -293,16 +292,14 @@ def read_text(text: str, time_format: str | None) -> tuple[int, int | None] | No
 
 def _moment(text: str, time_format: str | None) -> dt.datetime | None:
     try:
-        if time_format is None:
-            return dt.datetime.fromisoformat(text)
-        return dt.datetime.strptime(text, time_format)
+        return dt.datetime.strptime(text, time_format) if time_format else dt.datetime.fromisoformat(text)
     except ValueError:
         return None
 
 
 _DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
+# bytes that are read at a time where the size is not known: small next to any limit of memory
 CHUNK = 1 << 20
-"""Bytes that are read at a time where the size is not known: small next to any limit of memory."""
 
 
 class CutError(DataError):
@@ -347,10 +344,9 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
             if not stat.S_ISREG(status.st_mode):
                 raise DataError(f"{name} is not a regular file")
             refuse_size(name, status.st_size, most)
-            packed = _in_chunks(file, status.st_size + 1, most)
+            content = packed = _in_chunks(file, status.st_size + 1, most)
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
-    content = packed
     if packed and name.lower().endswith(".gz"):
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(packed)) as unpacked:
@@ -376,9 +372,8 @@ def _in_chunks(file: io.FileIO | gzip.GzipFile, chunk: int, most: int) -> bytes:
 def refuse_size(name: str, size: int, most: int) -> None:
     """Raise DataError for a file that is too large, before it is read."""
     if size > most:
-        raise DataError(
-            f"{name} is too large for a log: {size / 2**20:.0f} MB (limit {most >> 20} MB, unpacked)"
-        )
+        limit = f"limit {most >> 20} MB, unpacked"
+        raise DataError(f"{name} is too large for a log: {size / 2**20:.0f} MB ({limit})")
 
 
 def refuse_rows(name: str, rows: int, most: int) -> None:

@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from rivid.logs.spec import MICRO, CutError, Spec, read_text, seconds_of
 from rivid.types import Floats, Ints
 
 NAN = float("nan")
+# prefix in `Columns.why` where a flag, not the cell's own text, is the reason for a missing value
 FLAG = "\0"
-"""Prefix in `Columns.why` where a flag, not the cell's own text, is the reason for a missing value."""
 
 
 class UndeclaredError(DataError):
@@ -128,10 +129,7 @@ class NumberReader:
 def check_names(
     names: Sequence[str], spec: Spec, where: str, header: str = "", *, some: bool = False
 ) -> None:
-    """Raise ColumnError, with the nearest name, where a required column is missing or doubled.
-
-    With `some`, some of the sources and their flags are enough: others are in another file.
-    """
+    """ColumnError where a required column is missing or doubled; with `some`, some sources are enough."""
     given = spec.input
     sources = [(column, signal.name) for signal in spec.signals for column in signal.sources]
     if spec.long:
@@ -151,9 +149,8 @@ def check_names(
                 f"{where}: {count} columns are named {column!r}: expected one; {several}; {rows}"
             )
         if not count:
-            raise ColumnError(
-                f"{where}: no column {column!r} for {role}; {_advice(column, role, names, spec, header)}"
-            )
+            advice = _advice(column, role, names, spec, header)
+            raise ColumnError(f"{where}: no column {column!r} for {role}; {advice}")
 
 
 def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: str) -> str:
@@ -176,16 +173,12 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
 
 LINE = re.compile(r"\r\n|\n|\r")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
-MANY_TEXTS = 20
-"""Different texts of an unread column; with more of them it holds no flags."""
-MOST_FOOTERS = 20
-"""Lines at the end of a file that are checked; more without a time are no footer."""
-TAIL = 64 << 10
-"""Bytes at the end of a file that hold these lines."""
+MANY_TEXTS = 20  # different texts of an unread column; with more of them it holds no flags
+MOST_FOOTERS = 20  # lines at the end of a file that are checked; more without a time are no footer
+TAIL = 64 << 10  # bytes at the end of a file that hold these lines
 _ENDLESS = 10**9
 _DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d|\d{8}")
-ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")
-"""Unit of a block in a comment of a ZRXP file."""
+ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")  # unit of a block in a comment of a ZRXP file
 _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 _NO_TEXT = {
     b"\x1f\x8b": "gzip, though its name does not end in .gz: let it end in .csv.gz",
@@ -232,41 +225,30 @@ def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
 
 
 def read_header(content: bytes, spec: Spec, name: str, *, some: bool = False) -> Header:
-    """Read the names of the columns: below comments, of one row or several, or as declared.
-
-    `content` is UTF-8; with `some`, some of the required columns are enough. Raises ColumnError where one is
-    missing or doubled.
-    """
+    """Read the names of the columns of a text in UTF-8; `some` as of :func:`check_names`."""
     given = spec.input
-    start, line, text = 0, given.skip_rows + 1, ""
-    for _ in range(given.skip_rows):
-        start = _end_of_line(content, start)
+    start, line, text = end_of_lines(content, 0, given.skip_rows), given.skip_rows, ""
     rows: list[list[str]] = []
-    comment = given.comment.encode()
     while len(rows) < given.header_rows and not given.columns:
-        end = _end_of_line(content, start)
+        end, line = end_of_lines(content, start), line + 1
         if start >= len(content):
             raise CutError(f"{name} has no header below line {given.skip_rows}")
         try:
             text = content[start:end].decode("utf-8")
         except UnicodeDecodeError:
             raise UndeclaredError(_not_utf8(name, line)) from None
-        if text.strip() and not (comment and content.startswith(comment, start)):
+        if text.strip() and not (given.comment and text.startswith(given.comment)):
             cells = split_cells(text.strip("\r\n"), given.separator)
             if cells is None:
                 raise DataError(f"{name}, line {line}: the header has a quotation mark that is not closed")
             rows.append(cells)
-        start, line = end, line + 1
+        start = end
     names, place = tuple(given.columns), "[input] columns"
     if rows:
-        width = max(map(len, rows))
-        filled = [row + [""] * (width - len(row)) for row in rows]
-        names = tuple(" ".join(filter(None, cells)) for cells in zip(*filled, strict=True))
-        place = f"{name}, line {line - 1}"
+        cells_of = zip_longest(*rows, fillvalue="")
+        names, place = tuple(" ".join(filter(None, cells)) for cells in cells_of), f"{name}, line {line}"
     check_names(names, spec, place, text, some=some)
-    for _ in range(given.unit_rows):
-        start = _end_of_line(content, start)
-    return names, start, line - 1
+    return names, end_of_lines(content, start, given.unit_rows), line
 
 
 def split_cells(line: str, separator: str) -> list[str] | None:
@@ -284,10 +266,12 @@ def _not_utf8(name: str, line: int) -> str:
     return f'{name}, line {line}: not UTF-8: set [input] encoding, for example "latin-1" or "cp1252"'
 
 
-def _end_of_line(content: bytes, start: int) -> int:
-    """Where the next line begins; lines end with LF, CR LF or CR."""
-    match = _LINE_END.search(content, start)
-    return match.end() if match else len(content)
+def end_of_lines(content: bytes, start: int, lines: int = 1) -> int:
+    """Where the text behind some lines begins; lines end with LF, CR LF or CR."""
+    for _ in range(lines):
+        match = _LINE_END.search(content, start)
+        start = match.end() if match else len(content)
+    return start
 
 
 def footer_lines(
@@ -296,20 +280,17 @@ def footer_lines(
     """Indices, ascending, of the last lines that hold no data: averages, "end of report".
 
     `lines` are split at each line break (the last one is empty where the text ends with one); `time_at` are
-    the cells of the time. Empty lines, rows of empty cells and comments are left out. A line that has a time,
-    or begins like a date, is no footer; nor is a last line that begins with a digit and has no line break: it
-    may be a damaged row. Empty where there are more than :data:`MOST_FOOTERS`.
+    the cells of the time. A line that has a time, or begins like a date, is no footer; empty lines and
+    comments are not counted. Empty where there are more than :data:`MOST_FOOTERS`.
     """
     found: list[int] = []
     for at in range(len(lines) - 1, -1, -1):
         line = lines[at]
-        if not line.strip() or (comment and line.startswith(comment)):
-            continue
         cells = split_cells(line, separator)
-        if cells is not None and not any(cells):
+        if cells is not None and not any(cells) or (comment and line.startswith(comment)):
             continue
         if at == len(lines) - 1 and line.lstrip(' "')[:1].isdigit():
-            break
+            break  # without a line break it may be a damaged row
         text = " ".join((cells or [])[i] for i in time_at if i < len(cells or []))
         if _DATE.match(text) or read_text(text, time_format) is not None:
             break
@@ -320,36 +301,24 @@ def footer_lines(
 
 
 def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
-    """The text without the lines that `[input] footer_rows` declares, and how many these are.
-
-    A line with a time is never one of them: a file without a footer, or not yet with one, loses nothing.
-    """
+    """The text without the lines that `[input] footer_rows` declares, if they are there, and their number."""
     given, (names, body, _) = spec.input, header
     if not given.footer_rows:
         return content, 0
     begin = max(body, len(content) - TAIL)
-    tail = content[begin:].decode("utf-8", "surrogateescape")
-    lines = LINE.split(tail)
-    known = 1 if begin > body else 0  # the first line may be a part of one
+    starts = [begin, *(match.end() for match in _LINE_END.finditer(content, begin))]
+    lines = [line.decode("utf-8", "replace") for line in _LINE_END.split(content[begin:])]
+    known = int(begin > body)  # the first line may be a part of one
     time_at = [names.index(name) for name in spec.time]
     found = footer_lines(lines[known:], time_at, given.separator, given.time_format, given.comment)
     found = found[-given.footer_rows :]
-    if not found:
-        return content, 0
-    behind = known + found[0]
-    ends = [match.end() for match in LINE.finditer(tail)]
-    kept = tail[: ends[behind - 1] if behind else 0]
-    return content[: begin + len(kept.encode("utf-8", "surrogateescape"))], len(found)
+    return (content[: starts[known + found[0]]], len(found)) if found else (content, 0)
 
 
 def read_lines(
     content: bytes, header: Header, spec: Spec, name: str, stem: str = "", *, watch: bool = False
 ) -> Table:
-    """Read all lines below the header of `content` in UTF-8; DataError for bytes that are not text.
-
-    `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
-    collects the texts of columns that are not read.
-    """
+    """Read all lines below the header of `content` in UTF-8; arguments as of :class:`RowReader`."""
     names, body, line_of_names = header
     rows = RowReader(names, spec, stem, watch)
     try:
@@ -377,7 +346,11 @@ Row = tuple[int, int | None, int, list[float]]
 
 
 class RowReader:
-    """Reads rows one by one; `stem`, `watch` as of :func:`read_lines`, `unit` is "line" or "row"."""
+    """Reads rows one by one.
+
+    `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
+    collects the texts of columns that are not read; `unit` is "line" or "row".
+    """
 
     def __init__(
         self, names: tuple[str, ...], spec: Spec, stem: str, watch: bool, unit: str = "line"
@@ -386,7 +359,6 @@ class RowReader:
         self.names, self.spec, self.unit = names, spec, unit
         self.time_at = [at(name) for name in spec.time]
         self.reader = NumberReader(given.missing, given.decimal, given.thousands)
-        self.good = frozenset(given.good)
         self.zone_at = at(given.zone_column) if given.zone_column else -1
         self.tag_at = [at(name) for name in spec.tags]
         self.pattern = re.compile(given.tag_pattern) if given.tag_pattern else None
@@ -403,20 +375,17 @@ class RowReader:
         self.rows: dict[str, list[Row]] = {group: [] for group in self.columns}
         self.bad: dict[str, list[Fault]] = {group: [] for group in self.columns}
         self.why: dict[str, dict[int, str]] = {name: {} for name in self.cells}
-        self.group = None if spec.long else ""
-        """Of the row that is read, or was read last."""
+        self.group = None if spec.long else ""  # of the row that is read, or was read last
         self.unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), -1)
         self.block_unit = self.first_fault = ""
         self.counts = Table([])
-        self.repeated: list[int] = []
-        self.empty: list[int] = []
-        self.count = 0
+        self.dropped: dict[str, list[int]] = {"repeated headers": [], "empty rows": []}
+        self.count = 0  # of usable rows
+        # length of the shortest last cell of a row, and whether only that of this row is so short
         self.shortest, self.shorter = _ENDLESS, False
-        """Length of the shortest last cell of a row, and whether only that of this row is so short."""
-        self.unended = False
-        """Whether the line that is read is the last one and has no line break."""
+        self.unended = False  # whether the line that is read is the last one and has no line break
+        # first line below the last one with a time, and number of these lines with those declared
         self.footer = _ENDLESS, 0
-        """First line below the last one with a time, and number of these lines with those declared."""
         read = {*spec.time, *self.cells, given.zone_column, given.value, *spec.tags, *spec.flags.values()}
         unread = [i for i, name in enumerate(names) if watch and name and name not in read]
         self.watched: dict[int, set[str] | None] = {i: set() for i in unread}
@@ -424,10 +393,9 @@ class RowReader:
     def look_for_tag(self, line: str) -> bool:
         """Whether a line holds the tag of the rows below it."""
         match = self.pattern.search(line) if self.pattern else None
-        if match is None:
-            return False
-        self.tag = (match[1] or "").strip()
-        return True
+        if match is not None:
+            self.tag = (match[1] or "").strip()
+        return match is not None
 
     def add(self, number: int, line: str) -> None:
         """Read a line that is not empty."""
@@ -446,12 +414,12 @@ class RowReader:
             self.counts.rows += 1
             return self.refuse(number, "a quotation mark is not closed")
         if not any(cells):
-            return self.empty.append(self.count)  # spreadsheets leave such rows at the end
+            return self.dropped["empty rows"].append(self.count)  # spreadsheets leave such rows at the end
         self.shorter = len(cells[-1]) < self.shortest < _ENDLESS
         self.shortest = min(self.shortest, len(cells[-1]))
         if tuple(cells) == self.names:
             if self.spec.input.repeated_header == "drop":
-                return self.repeated.append(self.count)
+                return self.dropped["repeated headers"].append(self.count)
             advice = 'several exports in one file? If so, set [input] repeated_header = "drop"'
             return self.refuse(number, f"the header again: {advice}")
         if len(cells) != len(self.names):
@@ -469,7 +437,7 @@ class RowReader:
                 return
             self.group = tag
         for i, texts in self.watched.items():
-            if texts is not None and cells[i] not in texts:
+            if texts is not None:
                 texts.add(cells[i])
                 if len(texts) > MANY_TEXTS:
                     self.watched[i] = None
@@ -488,27 +456,25 @@ class RowReader:
         self._keep(number, cells, time)
 
     def _keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:
-        """Take the values of a row.
-
-        The last line may be cut off: it is taken as such where its last cell is shorter than that of every
-        other row. A last cell that lost digits and is still as long as another row's looks whole.
-        """
+        """Take the values of a row."""
+        given = self.spec.input
         assert self.group is not None
         rows, values, why = self.rows[self.group], [], {}
         for column in self.columns[self.group]:
             at, flag_at = self.cells[column]
             value = self.reader.read(cells[at])
             if value is None:
-                shown = self.spec.input.value if self.spec.long else column
-                return self.refuse(number, self.reader.refusal(shown, cells[at]))
+                name = given.value if self.spec.long else column
+                return self.refuse(number, self.reader.refusal(name, cells[at]))
             if value != value:
                 why[column] = cells[at]
-            elif flag_at >= 0 and cells[flag_at] not in self.good:
+            elif flag_at >= 0 and cells[flag_at] not in given.good:
                 value = NAN
                 why[column] = FLAG + cells[flag_at]
             values.append(value)
+        # the last line may be cut off: one that is as long as another row looks whole
         if self.unended and self.shorter:
-            text = self.spec.input.separator.join(cells)[-40:]
+            text = given.separator.join(cells)[-40:]
             return self.refuse(number, f"{text!r} is cut off: the log does not end with a line break")
         for column, text in why.items():
             self.why[column][len(rows)] = text
@@ -534,12 +500,11 @@ class RowReader:
         return f"{text[:40]!r}: {lines} no data: set [input] footer_rows = {count}"
 
     def _ragged(self, cells: list[str]) -> str:
-        count = len(cells)
+        count, mark = len(cells), cells[0][:1]
         reason = f"{count} field{'s' * (count != 1)} where the header has {len(self.names)}"
         if self.spec.input.separator == "," and count > len(self.names):
             reason += ' (decimal commas? The cells must then be quoted, and [input] decimal = ",")'
-        if cells[0][:1] in ("#", "!", "%", "*"):
-            mark = cells[0][0]
+        if mark in ("#", "!", "%", "*"):
             reason += f': if lines that begin with "{mark}" hold no data, set [input] comment = "{mark}"'
         return reason
 
@@ -556,7 +521,7 @@ class RowReader:
     def table(self) -> Table:
         """All rows as arrays; DataError for a mix of times with and without offset."""
         table = self.counts
-        table.headers, table.empty = len(self.repeated), len(self.empty)
+        table.headers, table.empty = map(len, self.dropped.values())
         table.cells = {self.names[i]: texts for i, texts in self.watched.items()}
         table.parts = [self._part(group) for group, rows in self.rows.items() if rows]
         if not table.parts:
@@ -571,7 +536,7 @@ class RowReader:
             kind = "has an offset" if aware[odd] else "has no offset"
             places = [f"{self.unit} {lines[i]}" for i in (odd, 0)]
             raise DataError(f"{places[0]}: its time {kind}, unlike {places[1]}'s: expected one kind")
-        names, dropped = self.columns[group], {"repeated headers": self.repeated, "empty rows": self.empty}
+        names = self.columns[group]
         return Columns(
             np.array(times, np.int64),
             aware[0],
@@ -579,7 +544,7 @@ class RowReader:
             dict(zip(names, np.array(values, np.float64).T.copy(), strict=True)),
             lines,
             bad=self.bad[group],
-            dropped={kind: rows for kind, rows in dropped.items() if rows},
+            dropped=self.dropped,
             unit=self.unit,
             why={name: self.why[name] for name in names},
         )
@@ -587,9 +552,9 @@ class RowReader:
     def _lacking(self) -> str:
         if not self.spec.long:
             return "a header and no rows"
-        there = ", ".join(repr(tag[:40]) for tag in list(self.counts.others)[:12]) or "none"
         where = "in column " + " ".join(self.spec.tags) if self.tag_at else "above the rows"
         if not self.tag_at and self.pattern is None:
             where = "from the file's name (no [input] tag or tag_pattern is set)"
+        there = ", ".join(repr(tag[:40]) for tag in list(self.counts.others)[:12]) or "none"
         wanted = ", ".join(self.rows)
         return f"no row of {wanted}; tags {where}: {there}: set [input] u_Qi and the like to these"

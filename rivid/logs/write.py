@@ -18,8 +18,8 @@ from rivid.types import Floats, Ints
 
 Format = Literal["csv", "csv.gz", "parquet"]
 Layout = Literal["day", "month"]
+# canonical columns in the order of the files, after ``time``; discharges in m3/s, the level in m
 COLUMNS = ("u_Qi", "u_Qo", "h_L", "Q_L")
-"""Canonical columns in the order of the files, after ``time``; discharges in m3/s, the level in m."""
 Day = tuple[dt.date, Mapping[str, Floats]]
 
 

@@ -1,15 +1,15 @@
 """What the columns of a foreign table are: numbers, marks, sentinels, units, and which is which."""
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from rivid.logs.log import sentinels_in
-from rivid.logs.sniff.layout import Layout, number
+from rivid.logs.sniff.layout import Layout, number, steps_of
 from rivid.logs.spec import read_text, stem_of
 from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
 
@@ -30,10 +30,10 @@ _LEVEL_UNITS = (
     ("mm", r"mm"),
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
 )
+# what may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`
 _DATUM = r"( ?(\+|above|over|über|ü\.|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
-"""What may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`."""
+# names of an outside level: the level of the reach only where no other is logged
 TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a-z])"
-"""Names of an outside level: the level of the reach only where no other is logged."""
 _ROLES = (
     (
         "h_L",
@@ -62,11 +62,10 @@ _SURE = {
     r"|deflu|efluent",
     "flow": r"^q_l$",
 }
+# names of a side of the reach; other names are of a place or a device on one side or the other
 _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|monte|jusante|valle"
-"""Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
-_QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"
-"""Names of a column of flags."""
+_QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"  # names of a column of flags
 
 Questions = list[tuple[str, str]]
 """What could not be decided: the key of `[input]`, which may be empty, and the question."""
@@ -104,64 +103,52 @@ def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     cells = [cell for column in columns for cell in column if re.search(r"\d", cell)]
     readers = [NumberReader((), *marks) for marks in MARKS]
     best = max(readers, key=lambda reader: sum(reader.read(cell) is not None for cell in cells))
-    with_comma = [cell for cell in cells if "," in cell]
+    commas = [] if any("." in cell for cell in cells) else [cell for cell in cells if "," in cell]
     doubt = ""
-    if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
-        if not any("." in cell for cell in cells):
-            doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
-    if cells and all(re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", cell) for cell in cells):
-        doubt = f"{cells[0]!r}: is the point a decimal mark (as taken here) or between thousands?"
+    for mark, name, marked in ((",", "comma", commas), (r"\.", "point", cells)):
+        if marked and all(re.fullmatch(rf"[+-]?\d{{1,3}}{mark}\d{{3}}", cell) for cell in marked):
+            doubt = f"{marked[0]!r}: is the {name} a decimal mark (as taken here) or between thousands?"
     return best.decimal, best.thousands, doubt
 
 
 def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
     """What a column is; None for one that does not hold numbers."""
-    values, texts, at = [], Counter[str](), []
-    for i, cell in enumerate(cells):
-        value = reader.read(cell)
-        if value is None:
-            texts[cell] += 1
-        elif value == value:
-            values.append(value)
-            at.append(i)
-    if not values or len(values) < texts.total():
+    read = [reader.read(cell) for cell in cells]
+    texts = [cell for cell, value in zip(cells, read, strict=True) if value is None]
+    values = {i: value for i, value in enumerate(read) if value is not None and value == value}
+    if not values or len(values) < len(texts):
         return None
-    steps = Counter(b - a for a, b in pairwise(at))
+    steps = Counter(b - a for a, b in pairwise(values))
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
     sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
-    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every, sure)
+    found = tuple(sentinels_in(np.array([*values.values()])))
+    return ColumnGuess(name, role, known, found, tuple(dict.fromkeys(texts)), every, sure)
 
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     text = name.lower()
     if not unit_text and (match := re.search(r"[\[(]([^\])]*)[\])]", name)):
         unit_text = match[1]
-    flow = _unit_in(text, unit_text, _FLOW_UNITS)
+    flow = stated_unit(name, unit_text, level=False)
+    level = "" if flow else stated_unit("", unit_text, level=True)
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
     if role == "h_L" and flow:
-        role = "flow"
+        return "flow", flow
     if role == "h_L":
-        return role, _unit_in(text, unit_text, _LEVEL_UNITS)
-    level = "" if flow else _unit_in("", unit_text, _LEVEL_UNITS)
-    if role and level and re.search(_PLACE, text):
+        return role, stated_unit(name, unit_text, level=True)
+    if level and (not role or re.search(_PLACE, text)):
         return "h_L", level  # "Oberwasser [m]"
-    if not role:
-        return ("flow", flow) if flow else ("h_L", level) if level else ("", "")
-    return role, flow
+    return role or ("flow" if flow else ""), flow
 
 
-def stated_unit(name: str, unit: str, *, level: bool) -> str:
+def stated_unit(name: str, text: str, *, level: bool) -> str:
     """The unit of a level, or else of a discharge, in its name or in the text of its unit; empty for none."""
-    return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
-
-
-def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:
-    datum = _DATUM if units is _LEVEL_UNITS else ""
-    for unit, words in units:
-        if re.fullmatch(rf"[\[(]?({words}){datum}[\])]?", unit_text.strip().lower()):
+    datum = _DATUM if level else ""
+    for unit, words in _LEVEL_UNITS if level else _FLOW_UNITS:
+        if re.fullmatch(rf"[\[(]?({words}){datum}[\])]?", text.strip().lower()):
             return unit
-        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", re.sub("_", " ", text)):
+        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", name.lower().replace("_", " ")):
             return unit
     return ""
 
@@ -177,41 +164,33 @@ NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
 def find_tags(layout: Layout, file: str) -> None:
     """Find the columns of values, or the tags of a long table; `file` names the tag if no column does."""
-    value_at = _value_column(layout)
+    names, value_at = layout.names, _value_column(layout)
     tags_at = () if value_at is None else _tag_columns(layout, value_at)
-    if value_at is not None and layout.blocks:
+    if value_at is None or not (layout.blocks or tags_at or VALUE.fullmatch(names[value_at])):
+        cells = layout.cells()
+        layout.columns = [(names[i], layout.units[i], cells[i]) for i in cells if names[i]]
+    elif layout.blocks:
         _by_tag(layout, value_at, layout.blocks, layout.block_units)
-    elif value_at is not None and tags_at:
+    elif tags_at:
         tags = [" ".join(row[i] for i in tags_at) for row in layout.rows]
-        unit_at = next((i for i, name in enumerate(layout.names) if is_unit_column(name)), None)
-        value = layout.names[value_at]  # it may state a unit, as discharge_cfs
-        flow, level = (stated_unit(value, "", level=level) for level in (False, True))
+        # the column of values may state a unit, as discharge_cfs
+        flow, level = (stated_unit(names[value_at], "", level=level) for level in (False, True))
         units = dict.fromkeys(tags, flow or level)
+        unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), None)
         if unit_at is not None:
             units = {tag: row[unit_at] for tag, row in zip(tags[::-1], layout.rows[::-1], strict=True)}
-        layout.tag = tuple(layout.names[i] for i in tags_at)
+        layout.tag = tuple(names[i] for i in tags_at)
         _by_tag(layout, value_at, tags, units)
-    elif value_at is not None and VALUE.fullmatch(layout.names[value_at]):
-        _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
     else:
-        layout.columns = [
-            (name, layout.units[i], [row[i] for row in layout.rows])
-            for i, name in enumerate(layout.names)
-            if i not in layout.time_at and name
-        ]
+        _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
 
 
 def _value_column(layout: Layout) -> int | None:
     """The one column of numbers that is no flag or identifier; None where there are several."""
-    rest = [
-        i
-        for i, name in enumerate(layout.names)
-        if i not in layout.time_at
-        and not _FLAGS.search(name)
-        and _numeric(cells := [row[i] for row in layout.rows])
-        and not _is_identifier(name, cells)
-    ]
-    named = [i for i in rest if VALUE.fullmatch(layout.names[i])]
+    numbers = {i: cells for i, cells in layout.cells().items() if _numeric(cells)}
+    names = {i: layout.names[i] for i, cells in numbers.items() if not _is_identifier(layout.names[i], cells)}
+    rest = [i for i, name in names.items() if not _FLAGS.search(name)]
+    named = [i for i in rest if VALUE.fullmatch(names[i])]
     return named[0] if len(named) == 1 else rest[0] if len(rest) == 1 else None
 
 
@@ -223,11 +202,10 @@ def _is_identifier(name: str, cells: list[str]) -> bool:
 def _tag_columns(layout: Layout, value_at: int) -> tuple[int, ...]:
     """The first columns of names or identifiers that together make each time of a tag unique."""
     found: list[int] = []
-    for i, name in enumerate(layout.names):
-        if i == value_at or i in layout.time_at or _FLAGS.search(name) or is_unit_column(name):
+    for i, cells in layout.cells().items():
+        name, texts = layout.names[i], set(cells)
+        if i == value_at or _FLAGS.search(name) or is_unit_column(name):
             continue
-        cells = [row[i] for row in layout.rows]
-        texts = set(cells)
         if not 2 <= len(texts) <= MOST_TAGS or "" in texts:
             continue
         if _numeric(cells) and not _is_identifier(name, cells):
@@ -241,22 +219,22 @@ def _tag_columns(layout: Layout, value_at: int) -> tuple[int, ...]:
 
 def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str]) -> None:
     """Set the tags: the tag of each row, and the unit of each tag that states one."""
-    cells: dict[str, list[str]] = {}
-    times: dict[str, set[int]] = {}
+    cells: dict[str, list[str]] = defaultdict(list)
+    times: dict[str, set[int]] = defaultdict(set)
     for tag, row in zip(tags, layout.rows, strict=True):
         moment = read_text(layout.time(row), layout.time_format)
-        cells.setdefault(tag, []).append(row[value_at])
+        cells[tag].append(row[value_at])
         if moment is not None:
-            times.setdefault(tag, set()).add(moment[0])
+            times[tag].add(moment[0])
     layout.value = layout.names[value_at]
     layout.columns = [(tag, units.get(tag, ""), values) for tag, values in cells.items()]
-    layout.tag_steps = {tag: [b - a for a, b in pairwise(sorted(known))] for tag, known in times.items()}
+    layout.tag_steps = {tag: steps_of(sorted(known)) for tag, known in times.items()}
     stepping = [tag for tag in layout.tag_steps if layout.usual(tag)]
     layout.steps = layout.tag_steps[min(stepping, key=layout.usual)] if stepping else []
 
 
+# flags that usually mean a good value; beside OPC's 192, 0 means a bad one
 GOOD = frozenset(("good", "ok", "valid", "a", "approved", "0", "192", "g", "gut", "bon", "normal"))
-"""Flags that usually mean a good value; beside OPC's 192, 0 means a bad one."""
 OFFSETS = {
     "UTC": "+00:00", "GMT": "+00:00", "Z": "+00:00", "WET": "+00:00", "WEST": "+01:00", "BST": "+01:00",
     "CET": "+01:00", "MEZ": "+01:00", "CEST": "+02:00", "MESZ": "+02:00", "EET": "+02:00", "EEST": "+03:00",
@@ -272,7 +250,7 @@ def code_columns(layout: Layout) -> list[int]:
     Most rows of each have the same one. The values state the unit of a flow, or the codes have one name.
     """
     names, units = layout.names, layout.units
-    cells = {i: [row[i] for row in layout.rows] for i, n in enumerate(names) if n and i not in layout.time_at}
+    cells = {i: column for i, column in layout.cells().items() if names[i]}
     flows, levels = ({i for i in cells if stated_unit(names[i], units[i], level=k)} for k in (False, True))
     whole = {i for i in cells.keys() - flows - levels if all(re.fullmatch(r"\d*", cell) for cell in cells[i])}
     few = {i for i in whole if len(set(cells[i])) <= MANY_TEXTS}
@@ -298,37 +276,28 @@ def name_each(layout: Layout) -> None:
 class Flags:
     """Columns of flags and zones."""
 
-    owned: dict[str, str] = field(default_factory=dict)  # column of flags by the column it belongs to
-    of_row: str = ""  # the one column of flags for the whole row; may be empty
-    good: list[str] = field(default_factory=list)  # flags that are taken as good
-    counted: str = ""  # all flags, with counts
-    zone_column: str = ""
-    zones: dict[str, str] = field(default_factory=dict)  # offset by zone
-    # columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored
-    doubtful: list[str] = field(default_factory=list)
+    owned: dict[str, str]  # column of flags by the column it belongs to
+    of_row: str  # the one column of flags for the whole row; may be empty
+    good: list[str]  # flags that are taken as good
+    counted: str  # all flags, with counts
+    zone_column: str
+    zones: dict[str, str]  # offset by zone
+    doubtful: list[str]  # columns that `ingest` refuses undeclared: other flags, or to be ignored
 
 
 def find_flags(layout: Layout) -> Flags:
     """Find columns of flags and zones."""
-    values = {*layout.tag, layout.value}
-    names = [n for i, n in enumerate(layout.names) if n and i not in layout.time_at and n not in values]
-    cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
-    texts = {name: set(column) for name, column in cells.items()}
+    cells = {layout.names[i]: column for i, column in layout.cells().items()}
+    names = [name for name in cells if name and name not in (*layout.tag, layout.value)]
+    texts = {name: set(cells[name]) for name in names}
     zone_column = next((name for name in names if texts[name] and texts[name] <= set(OFFSETS)), "")
     zones = {zone: OFFSETS[zone] for zone in sorted(texts.get(zone_column, ()))}
     codes = {} if layout.value else {layout.names[i]: layout.names[i - 1] for i in code_columns(layout)}
     numbers = {n for n in names if n not in codes and not _is_flag(n) and _numeric(cells[n])}
     read = {layout.value} if layout.value else numbers
-    doubtful = [
-        name
-        for name in names
-        if name != zone_column
-        and not is_unit_column(name)
-        and (
-            name in codes
-            or looks_like_flags(name, texts[name] if len(texts[name]) <= MANY_TEXTS else None, read)
-        )
-    ]
+    few = {name: found if len(found) <= MANY_TEXTS else None for name, found in texts.items()}
+    others = [name for name in names if name != zone_column and not is_unit_column(name)]
+    doubtful = [name for name in others if name in codes or looks_like_flags(name, few[name], read)]
     if doubtful:  # where others are used, an empty one is a column of flags too
         empty = [name for name in names if texts[name] == {""} and _is_flag(name) and _owner(name, read)]
         doubtful = [name for name in names if name in doubtful or name in empty]
@@ -359,8 +328,9 @@ def _is_flag(name: str) -> bool:
 
 
 Group = list[ColumnGuess]
-MOST = 6
-"""Other choices that are shown."""
+NO_INFLOW = "no column is called like an inflow: set u_Qi"
+NO_OUTPUT = "no column is called like a level or a second discharge: set h_L, or Q_L of a river"
+MOST = 6  # other choices that are shown
 _BREAK = re.compile(r"[\s._:/\\|-]+")
 _NO_SITE = re.compile(
     r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cot[ea]|hauteur"
@@ -384,10 +354,7 @@ Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
-    """Assign columns to roles; several of one site that leave or enter the reach are summed.
-
-    Appends to `questions` what the names do not determine.
-    """
+    """Assign columns to roles; `questions` get what the names do not determine."""
     if len(columns) > 1 and not any(c.role for c in columns):
         return _by_order(columns, questions)
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
@@ -403,13 +370,12 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     sites = _sites([*flows, level])
     ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
     if not ins:
-        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
+        questions.append(("u_Qi", NO_INFLOW))
     elif (len(flows) > 1 or not ins[0].sure) and not _unmistakable(ins, outs, flows):
         for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
             names = ", ".join(c.name for c in group)
             if len(group) > 1:
-                names = f"the sum of {names}"
-                reason += "; a list is a sum"
+                names, reason = f"the sum of {names}", f"{reason}; a list is a sum"
             if group:
                 questions.append((role, f"{role}: is {names} the {what}? ({reason})"))
         instead |= _others(ins, outs, flows, sites)
@@ -418,8 +384,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
 
 def _by_order(columns: Group, questions: Questions) -> Roles:
     """Columns without a name that states a quantity: in the order of rivid's own logs."""
-    kind = "river" if len(columns) == 2 else "pool"
-    roles = ("u_Qi", "Q_L") if kind == "river" else ("u_Qi", "u_Qo", "h_L")
+    kind, roles = ("river", ("u_Qi", "Q_L")) if len(columns) == 2 else ("pool", ("u_Qi", "u_Qo", "h_L"))
     names = ", ".join(c.name for c in columns)
     text = f"no name states what {names} are: {', '.join(roles)} in their order, check each"
     questions.append(("u_Qi", text))
@@ -433,11 +398,9 @@ def _river(flows: Group, questions: Questions) -> Roles:
     ins, outs = order[:1], order[1:2]
     instead: dict[str, list[Group]] = {}
     if not ins:
-        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
+        questions.append(("u_Qi", NO_INFLOW))
     if not outs:
-        questions.append(
-            ("h_L", "no column is called like a level or a second discharge: set h_L, or Q_L of a river")
-        )
+        questions.append(("h_L", NO_OUTPUT))
     elif not _unmistakable(ins, outs, flows):
         many = "more than two discharges" if len(order) > 2 else "two discharges"
         questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))
@@ -458,11 +421,8 @@ def _sites(columns: Group) -> dict[str, str]:
     shared = 0
     while all(len(w) > shared + 1 for w in words.values()) and len({w[shared] for w in words.values()}) == 1:
         shared += 1
-    sites = {}
-    for name, parts in words.items():
-        site = parts[shared] if len(parts) > shared + 1 else ""
-        sites[name] = "" if _NO_SITE.fullmatch(site) else site
-    return sites
+    sites = {name: parts[shared] if len(parts) > shared + 1 else "" for name, parts in words.items()}
+    return {name: "" if _NO_SITE.fullmatch(site) else site for name, site in sites.items()}
 
 
 def _by_site(
@@ -494,8 +454,7 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
     neutral = [c for c in flows if c.role == "flow"]
     ins = called_in[:1] or neutral[:1]
     outs = called_out or [c for c in [*neutral, *called_in] if c not in ins][:1]
-    if any(c.sure for c in outs):
-        outs = [c for c in outs if c.sure]
+    outs = [c for c in outs if c.sure] or outs
     if all(sites[c.name] for c in outs):  # sites are never mixed in a sum
         outs = [c for c in outs if sites[c.name] == sites[outs[0].name]]
     outs = [c for c in outs if _TOTAL.search(c.name.lower())][:1] or outs
@@ -509,11 +468,8 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
 
 def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
     """What else the inflow and the outflow may be: each other, all of another site, any other column."""
-    by_site: dict[str, Group] = {}
-    for column in flows:
-        if sites[column.name]:
-            by_site.setdefault(sites[column.name], []).append(column)
-    whole = [_leaving(group) for group in by_site.values()]
+    named = dict.fromkeys(filter(None, (sites[c.name] for c in flows)))
+    whole = [_leaving([c for c in flows if sites[c.name] == site]) for site in named]
     left = [[c] for c in flows if c not in ins and c not in outs]
     return {"u_Qi": _distinct([outs, *whole, *left], ins), "u_Qo": _distinct([ins, *whole, *left], outs)}
 

@@ -11,12 +11,11 @@ from rivid.errors import DataError
 from rivid.logs.spec import read_text
 from rivid.logs.text import LINE, ZRXP_UNIT, split_cells, unmarked_utf16
 
+# in this order where several fit: a comma may be a decimal mark, a blank may be within a time
 SEPARATORS = (";", "\t", "|", ",", " ")
-"""In this order where several fit: a comma may be a decimal mark, a blank may be within a time."""
-MARKS = ("#", "!", "%", "//")
-"""Prefixes of lines without data, in the order in which they are tried."""
+MARKS = ("#", "!", "%", "//")  # prefixes of lines without data, in the order in which they are tried
+# regular expression of the comment of a ZRXP file that holds the tag of the rows below
 ZRXP_TAG = "#REXCHANGE([^|]+)"
-"""Regular expression of the comment of a ZRXP file that holds the tag of the rows below."""
 _DATES = "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y".split()
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
@@ -25,15 +24,15 @@ FORMATS: tuple[str | None, ...] = (
     *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d%H", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
 )
 """Formats of times that are tried; None is ISO 8601."""
+# length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05
 _DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12, "%Y%m%d%H": 10}
-"""Length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05."""
 _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+# formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap
 EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
-"""Formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap."""
+# names of columns of times
 _TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
-"""Names of columns of times."""
+# longest step [us] between rows: the wrong order of day and month makes steps of months
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
-"""Longest step [us] between rows: the wrong order of day and month makes steps of months."""
 
 
 @dataclass
@@ -77,6 +76,10 @@ class Layout:
         """The text of a row's time."""
         return " ".join(row[i] for i in self.time_at)
 
+    def cells(self) -> dict[int, list[str]]:
+        """The cells of each column but those of the time, by its place."""
+        return {i: [row[i] for row in self.rows] for i in range(len(self.names)) if i not in self.time_at}
+
     def usual(self, tag: str) -> int:
         """The median step of a tag [us]; 0 where there is none."""
         return middle(self.tag_steps.get(tag, []))
@@ -111,8 +114,8 @@ def guess_layout(content: bytes, name: str) -> Layout:
     if zrxp := _zrxp(lines, encoding):
         return zrxp
     comment = _guess_comment(lines)
-    numbered = [(i, line) for i, line in enumerate(lines) if not (comment and line.startswith(comment))]
-    lines = [line for _, line in numbered]
+    at = [i for i, line in enumerate(lines) if not (comment and line.startswith(comment))]
+    lines = [lines[i] for i in at]
     separator, width = _guess_separator(lines)
     cells = [split_cells(line, separator) or [] for line in lines]
     if width < 2 or not any(any(row) for row in cells if len(row) == width):
@@ -129,16 +132,19 @@ def guess_layout(content: bytes, name: str) -> Layout:
         above += 1
     if len(body) == above:
         raise DataError(f"{name} has a header and no rows of data")
-    header_rows = _rows_of_names([names, *body[:above]])
-    joined = [" ".join(filter(None, texts)) for texts in zip(*[names, *body[: header_rows - 1]], strict=True)]
-    doubled = len(set(filter(None, joined))) < sum(map(bool, joined))
+    # names take as many of the rows above the data as make them distinct; one where none do
+    tables = [[names, *body[:more]] for more in range(above + 1)]
+    joint = [[" ".join(filter(None, cells)) for cells in zip(*rows, strict=True)] for rows in tables]
+    distinct = [len(set(filter(None, each))) == sum(map(bool, each)) for each in joint]
+    doubled = not any(distinct)
+    header_rows = 1 if doubled else 1 + distinct.index(True)
     only_comments = comment and not any(line.strip() for line in lines[:header])
     return Layout(
         encoding,
         separator,
-        skip_rows=0 if only_comments and not doubled else numbered[header + headerless][0] + doubled,
+        skip_rows=0 if only_comments and not doubled else at[header + headerless] + doubled,
         unit_rows=above - header_rows + 1,
-        names=tuple(joined),
+        names=tuple(joint[header_rows - 1]),
         units=tuple(body[header_rows - 1]) if above >= header_rows else ("",) * width,
         rows=body[above:],
         comment=comment,
@@ -192,15 +198,6 @@ def _guess_comment(lines: Sequence[str]) -> str:
     return ""
 
 
-def _rows_of_names(rows: Sequence[Sequence[str]]) -> int:
-    """How many of the rows above the data it takes for distinct names; one where that cannot be."""
-    for count in range(1, len(rows) + 1):
-        names = [" ".join(filter(None, cells)) for cells in zip(*rows[:count], strict=True)]
-        if len(set(filter(None, names))) == len(list(filter(None, names))):
-            return count
-    return 1
-
-
 def _find_header(cells: Sequence[list[str]], width: int) -> int:
     """The row of names: before the data, and with most of its cells filled.
 
@@ -241,57 +238,52 @@ def guess_time(layout: Layout) -> bool:
     rows = layout.rows
     for at in range(len(layout.names)):
         clock = at + 1
-        if clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50]):
-            if _guess_format(layout, [f"{row[at]} {row[clock]}" for row in rows]):
-                layout.time_at = (at, clock)
-                return True
-        if _guess_format(layout, [row[at] for row in rows]):
-            layout.time_at = (at,)
+        has_clock = clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50])
+        if (has_clock and _guess_format(layout, (at, clock))) or _guess_format(layout, (at,)):
             return True
     for at, name in enumerate(layout.names):
         counts = [number(row[at]) or 0.0 for row in rows]
         likely = re.search(_TIME, name, re.I) or (at == 0 and all(a < b for a, b in pairwise(counts)))
         for time_format, least in EPOCHS.items() if likely else ():
             if sum(least <= count < 41 * least for count in counts) >= 0.95 * len(counts):
-                layout.time_at = (at,)
-                return _guess_format(layout, [row[at] for row in rows], (time_format,))
+                return _guess_format(layout, (at,), (time_format,))
     return False
 
 
-def _guess_format(layout: Layout, texts: list[str], formats: Sequence[str | None] = FORMATS) -> bool:
-    """Find the format of 95 % of the texts, and, to be quick, of nine in ten of 40 of them."""
-    fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
+def _guess_format(layout: Layout, time_at: tuple[int, ...], formats: Sequence[str | None] = FORMATS) -> bool:
+    """Find the format of 95 % of the times in these columns; to be quick, first of nine in ten of 40."""
+    layout.time_at = time_at
+    texts = [layout.time(row) for row in layout.rows]
+    fits: dict[str | None, list[tuple[int, int | None]]] = {}
     few = texts[:: max(len(texts) // 40, 1)]
     for time_format in formats:
         long = _DIGITS.get(time_format or "")
         alike = [text for text in few if len(text) == (long or len(text))]
         if sum(read_text(text, time_format) is not None for text in alike) < 0.9 * len(few):
             continue
-        times = [time for text in texts if (time := read_text(text, time_format)) is not None]
-        if len(times) >= 0.95 * len(texts):
-            fits.append((time_format, times))
+        read = [time for text in texts if (time := read_text(text, time_format)) is not None]
+        if len(read) >= 0.95 * len(texts):
+            fits[time_format] = read
     if not fits:
         return False
-    best = max(len(times) for _, times in fits)
-    fits = [fit for fit in fits if len(fit[1]) == best]
-    if len(fits) > 1 and fits[0][0] is not None:
-        smooth = [
-            fit for fit in fits if max(map(abs, _steps([t for t, _ in fit[1]])), default=0) < LONGEST_JUMP
-        ]
+    best = max(map(len, fits.values()))
+    times = {f: [time for time, _ in read] for f, read in fits.items() if len(read) == best}
+    if len(times) > 1 and None not in times:
+        smooth = {f: t for f, t in times.items() if max(map(abs, steps_of(t)), default=0) < LONGEST_JUMP}
         if len(smooth) == 1:
-            fits = smooth
-        elif len({tuple(t for t, _ in fit[1]) for fit in fits}) > 1:
-            layout.other_formats = tuple(fit[0] for fit in fits[1:] if fit[0])
+            times = smooth
+        elif len(set(map(tuple, times.values()))) > 1:
+            layout.other_formats = tuple(filter(None, [*times][1:]))
             others = ", ".join(map(repr, layout.other_formats))
             layout.doubt = f"{texts[0]!r} also reads as {others}: day or month first?"
-    layout.time_format, times = fits[0]
-    layout.zoned = all(offset is not None for _, offset in times)
-    ascending = times if times[0] <= times[-1] else times[::-1]  # some exports have the newest row first
-    layout.steps = _steps([t for t, _ in ascending])
+    layout.time_format, found = next(iter(times.items()))
+    layout.zoned = all(offset is not None for _, offset in fits[layout.time_format])
+    layout.steps = steps_of(found if found[0] <= found[-1] else found[::-1])  # some begin with the newest row
     return True
 
 
-def _steps(times: list[int]) -> list[int]:
+def steps_of(times: Sequence[int]) -> list[int]:
+    """The differences of successive times."""
     return [b - a for a, b in pairwise(times)]
 
 

@@ -10,7 +10,6 @@ from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
 from rivid.logs.sniff.columns import (
-    Flags,
     Group,
     find_flags,
     find_tags,
@@ -23,16 +22,12 @@ from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time, 
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
 
-WIDTH = 80
-"""Characters of a line of the proposal."""
-HEAD_BYTES = 2 << 20
-"""Bytes from the beginning that are read for the layout: a year at 10 min, and quick."""
-HEAD_ROWS = 20_000
-"""Rows of these."""
-MOST_NAMES = 3
-"""Files that are named at the top of the proposal."""
-UNSTEADY = 0.3
-"""Share of odd steps [-] beyond which values come when they change, not regularly."""
+DEFAULT = InputConfig()
+WIDTH = 80  # characters of a line of the proposal
+HEAD_BYTES = 2 << 20  # bytes from the beginning that are read for the layout: a year at 10 min, and quick
+HEAD_ROWS = 20_000  # rows of these
+MOST_NAMES = 3  # files that are named at the top of the proposal
+UNSTEADY = 0.3  # share of odd steps [-] beyond which values come when they change, not regularly
 FILL_IN = (
     "# fill in; what is left out is taken from the reach of the examples:",
     "# length =           # m, from dam to dam",
@@ -45,10 +40,9 @@ FILL_IN = (
 
 
 def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> "Proposal":
-    """Propose an `[input]` block for an export, text, plain or gzipped: one file, or several of one dialect.
+    """Propose an `[input]` block for an export: one file, or several of one dialect.
 
-    `time_zone` is that of its clock, where its times carry no offset. DataError where a file is no table with
-    a header and times.
+    `time_zone` is that of its clock, where its times carry no offset. DataError where a file is no table.
     """
     paths = [path] if isinstance(path, Path) else list(dict.fromkeys(path))
     names = [shown(path.name) for path in paths]
@@ -93,25 +87,23 @@ def _look(path: Path) -> Layout:
 
 
 class Proposal:
-    """The keys of `[input]` for files of one dialect, and the questions that they leave open.
+    """The keys of `[input]` for files of one dialect, `toml`, and the questions that they leave open.
 
-    `toml` is a configuration that `load_config` accepts, with comments; `open_questions` are what the files
-    alone do not state, and `open_keys` the keys of `[input]` that these are about.
+    `open_questions` are what the files alone do not state, `open_keys` the keys that these are about.
     """
 
     def __init__(self, layouts: list[Layout], name: str, time_zone: str | None) -> None:
-        layout, default = layouts[0], InputConfig()
-        self.layouts, self.layout = layouts, layout
+        self.layout = layout = layouts[0]
+        self.footer = max((each.footer for each in layouts), key=len)
         self.time_zone = time_zone or layout.zone or None
         self.questions: list[tuple[str, str]] = []
-        unlike = sum(_kind(other) != _kind(layout) for other in layouts[1:])
-        if unlike:
+        if unlike := sum(_kind(other) != _kind(layout) for other in layouts[1:]):
             self.ask("encoding", f"{unlike} of the files are of another kind than the first")
         sources = list({entry[0]: entry for each in layouts for entry in each.columns}.values())
         self.flags = find_flags(layout)
         self.decimal, self.thousands, doubt = guess_marks([cells for _, _, cells in sources])
         self.ask("decimal", doubt)
-        reader = NumberReader(default.missing, self.decimal, self.thousands)
+        reader = NumberReader(DEFAULT.missing, self.decimal, self.thousands)
         others = {*self.flags.doubtful, self.flags.zone_column}
         guesses = [guess_column(*source, reader) for source in sources if source[0] not in others]
         self.columns: Group = [column for column in guesses if column is not None]
@@ -125,19 +117,20 @@ class Proposal:
         self.used = [column for group in self.roles.values() for column in group]
         self.step = middle(layout.steps) / MICRO
         self.every = min((column.every for column in self.used), default=1)
-        self.tables: dict[str, dict[str, Any]] = {}
-        self.keys = self._keys(default)
+        self.keys = self._keys()
         self._clock()
         self._units()
-        self._flags(self.flags)
-        self._footer()
+        self._flags()
+        if self.footer:
+            ends, count = ", ".join(repr(line.strip()[:30]) for line in self.footer[:3]), len(self.footer)
+            lines = f"the last {count} lines hold" if count > 1 else "the last line holds"
+            self.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
         self._stamps()
-        left = [column.name for column in self.columns if column not in self.used]
-        if left:
+        if left := [column.name for column in self.columns if column not in self.used]:
             self.ask("", f"{'tags' if layout.value else 'columns'} left out: {', '.join(left)}")
         if any(self.instead.values()):
             self.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
-        self.toml = self._toml(name, default)
+        self.toml = self._toml(name)
         self.open_questions = [text for _, text in self.questions]
         self.open_keys = tuple(dict.fromkeys(key for key, _ in self.questions if key))
 
@@ -146,7 +139,7 @@ class Proposal:
         if question:
             self.questions.append((key, question))
 
-    def _keys(self, default: InputConfig) -> dict[str, Any]:
+    def _keys(self) -> dict[str, Any]:
         layout = self.layout
         keys: dict[str, Any] = {"layout": "long" if layout.value else "wide"}
         keys["time"] = _one_or_all([layout.names[i] for i in layout.time_at])
@@ -170,13 +163,12 @@ class Proposal:
             "skip_rows": layout.skip_rows,
             "header_rows": layout.header_rows,
             "unit_rows": layout.unit_rows,
-            "footer_rows": max(len(each.footer) for each in self.layouts),
+            "footer_rows": len(self.footer),
             "repeated_header": "drop" if layout.repeated else None,
             "sentinels": sorted({s for column in self.used for s in column.sentinels} | {*layout.missing}),
         }
-        texts = list(dict.fromkeys(text for column in self.used for text in column.texts))
-        if texts:
-            keys["missing"] = [*default.missing, *texts]
+        if texts := list(dict.fromkeys(text for column in self.used for text in column.texts)):
+            keys["missing"] = [*DEFAULT.missing, *texts]
             self.ask("missing", f"{', '.join(map(repr, texts[:6]))}: taken for values that are not measured")
         return keys
 
@@ -199,7 +191,7 @@ class Proposal:
                 self.keys["ambiguous"] = "order"
 
     def _units(self) -> None:
-        self.tables["units"] = {role: group[0].unit for role, group in self.roles.items() if group[0].unit}
+        self.keys["units"] = {role: group[0].unit for role, group in self.roles.items() if group[0].unit}
         stated = {name: unit for name, unit, _ in self.layout.columns}
         for role, group in self.roles.items():
             if len({column.unit for column in group}) > 1:
@@ -210,35 +202,25 @@ class Proposal:
                 doubt = doubt or f"no unit is written for {role}"
                 self.ask("units", f"{doubt}: {unit} is taken unless [input.units] states another")
 
-    def _flags(self, flags: Flags) -> None:
+    def _flags(self) -> None:
         """Columns of flags and zones, and those that may be neither."""
+        flags = self.flags
         if flags.zones:
-            self.keys["zone_column"], self.tables["zones"] = flags.zone_column, flags.zones
+            self.keys |= {"zone_column": flags.zone_column, "zones": flags.zones}
             self.ask("zones", f"offsets of {', '.join(flags.zones)}: by their usual meaning")
         own = {
             role: [flags.owned[column.name] for column in group if column.name in flags.owned]
             for role, group in self.roles.items()
         }
         whole = {r: _one_or_all(f) for r, f in own.items() if f and len(f) == len(self.roles[r])}
-        if whole and not self.layout.value:
-            self.tables["quality"] = whole
-        elif flags.of_row:
-            self.keys["quality"] = flags.of_row
-        if "quality" in self.tables or "quality" in self.keys:
-            self.keys["good"] = flags.good
+        if whole or flags.of_row:
+            self.keys |= {"quality": whole or flags.of_row, "good": flags.good}
             good = ", ".join(map(repr, flags.good))
             self.ask("good", f"flags: {flags.counted}; {good} taken as good, no other")
         flagged = {flag for columns in own.values() for flag in columns} | {flags.of_row}
         self.keys["ignore"] = [column for column in flags.doubtful if column not in flagged]
         if self.keys["ignore"]:
             self.ask("ignore", f"{', '.join(self.keys['ignore'])}: taken as no flags")
-
-    def _footer(self) -> None:
-        footer = max((each.footer for each in self.layouts), key=len)
-        if footer:
-            ends = ", ".join(repr(line.strip()[:30]) for line in footer[:3])
-            lines = f"the last {len(footer)} lines hold" if len(footer) > 1 else "the last line holds"
-            self.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
 
     def _stamps(self) -> None:
         """Intervals of the columns, and the question of their time stamps."""
@@ -257,8 +239,8 @@ class Proposal:
         else:
             slow = {role: group[0].every for role, group in self.roles.items() if group[0].every > self.every}
             intervals = {role: every * step for role, every in slow.items() if step}
-        self.tables["interval"] = intervals
-        if step * self.every > InputConfig().max_gap:  # one value may be missing
+        self.keys["interval"] = intervals
+        if step * self.every > DEFAULT.max_gap:  # one value may be missing
             self.keys["max_gap"] = step * self.every
         late = f" ({step * self.every:g} s)" if step else ""
         self.ask(
@@ -268,7 +250,7 @@ class Proposal:
             f"a delay is off by up to one interval{late}",
         )
 
-    def _toml(self, name: str, default: InputConfig) -> str:
+    def _toml(self, name: str) -> str:
         """The keys that differ from the defaults, other choices in comments below them, and the questions."""
         lines = _comment(f"Proposed for {name}. Check each line: it is inferred from the file alone.", "# ")
         lines += ["[reach]", '# name = "..."       # letters, digits, . _ -', f"kind = {_toml(self.kind)}"]
@@ -276,7 +258,7 @@ class Proposal:
             lines.append(f"sample_time = {self.step * self.every:g}")
         lines += [*FILL_IN, "", "[input]"]
         for key, value in self.keys.items():
-            if value is None or value == getattr(default, key):
+            if value is None or value == getattr(DEFAULT, key) or isinstance(value, dict):
                 continue
             lines += _entry(key, value)
             for group in self.instead.get(key, ()):
@@ -285,7 +267,8 @@ class Proposal:
             formats = " or ".join(map(_toml, (self.layout.time_format, *self.layout.other_formats)))
             lines.append(f"# time_format = {formats}: choose one")
         for table in ("units", "interval", "zones", "quality"):
-            if entries := self.tables.get(table):
+            entries = self.keys.get(table)
+            if entries and isinstance(entries, dict):
                 lines += ["", f"[input.{table}]"]
                 lines += [line for key, value in entries.items() for line in _entry(_key(key), value)]
         lines += ["", "# Not decided:"]
