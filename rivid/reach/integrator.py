@@ -75,20 +75,10 @@ def theoretical_fir(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def hold(
-    time: Floats,
-    volume: Floats,
-    outflow: Floats,
-    gate: GateArrays,
-    exchange: ExchangeArrays,
-    operators: OperatorArrays,
-    outflow_gain: float,
-    surface_area: float,
-    area_slope: float,
-    area_reference: float,
-    start: float,
-    level: Floats,
-    released: Floats,
-) -> None:
+    time: Floats, volume: Floats, outflow: Floats, gate: GateArrays, exchange: ExchangeArrays,
+    operators: OperatorArrays, outflow_gain: float, surface_area: float, area_slope: float,
+    area_reference: float, start: float, level: Floats, released: Floats,
+) -> None:  # fmt: skip
     """Write the level and the real outflow, and the command where operators give it.
 
     `volume` is what has come to the dam at each sample [m3]; the rest is as in
@@ -180,13 +170,15 @@ def pool_level(
     pool runs dry of surface: `area_slope` and level do not fit.
     """
     n = len(time)
-    operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
-    given = np.zeros(n) if isinstance(outflow, OperatorArrays) else np.array(outflow, float)
+    if isinstance(outflow, OperatorArrays):
+        operators, given = outflow, np.zeros(n)
+        if len(operators.inflow) != n:
+            raise RividError(f"operators for {len(operators.inflow)} samples: expected {n} like the times")
+    else:
+        operators, given = NO_OPERATORS, np.array(outflow, float)
     for name, values in (("inflow", inflow), ("outflow", given)):
         if np.shape(values) != (n,):
             raise RividError(f"{name} has shape {np.shape(values)}: expected ({n},) like the times")
-    if isinstance(outflow, OperatorArrays) and len(operators.inflow) != n:
-        raise RividError(f"operators for {len(operators.inflow)} samples: expected {n} like the times")
     level, released = np.empty(n), np.empty(n)
     hold(
         np.asarray(time, float), supply(reach, time, inflow, travel_time, before, changes), given,
