@@ -4,7 +4,7 @@ import datetime as dt
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,6 +63,9 @@ class _Events(_Flow):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        starts: Any = self.starts
+        if not isinstance(starts, tuple):  # of a table: one may be a number
+            object.__setattr__(self, "starts", (starts,))
         for key in self.columns:
             value, n = getattr(self, key), len(self.starts)
             if isinstance(value, tuple) and len(value) != n:
