@@ -4,7 +4,7 @@ import importlib.util
 import inspect
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
@@ -75,8 +75,7 @@ def changes_of(effects: Sequence[Effect], world: World) -> Changes:
     return together(changes for _, changes in _in_turn(effects, world))
 
 
-def _in_turn(effects: Sequence[Effect], world: World) -> list[tuple[World, Changes]]:
-    steps = []
+def _in_turn(effects: Sequence[Effect], world: World) -> Iterator[tuple[World, Changes]]:
     inflow, count = world.inflow, dict[str, int]()
     for effect in effects:
         count[effect.name] = count.get(effect.name, 0) + 1
@@ -85,8 +84,7 @@ def _in_turn(effects: Sequence[Effect], world: World) -> list[tuple[World, Chang
         changes = effect.changes(seen)
         if changes.inflow is not None:
             inflow = changes.inflow
-        steps.append((seen, changes))
-    return steps
+        yield seen, changes
 
 
 GROUP = "rivid.effects"

@@ -121,7 +121,6 @@ class ClockOffset(_Timing):
     )
 
     offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
-
     drift: float = quantity(0.0, "s/day", -3600.0, 3600.0, "what it gains a day from the first date on")
 
     @classmethod

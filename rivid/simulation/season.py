@@ -217,68 +217,30 @@ EDGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Season:
-    """Days of logs and their truth, in date order; missing days are left out.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        Scenario of the season.
-    seed : int
-        Seed of the season.
-    dates : tuple of datetime.date
-        One per row.
-    seconds : ndarray, shape (N,)
-        Sample times after local midnight [s]: k T_s, the last step of the day being shorter.
-    inflow, outflow : ndarray, shape (days, N)
-        Commands u_Qi and u_Qo [m3/s].
-    level : ndarray, shape (days, N)
-        Gauge reading h_L [m]; NaN where it is missing.
-    true_level : ndarray, shape (days, N)
-        True level [m].
-    weather : ndarray, shape (days, N)
-        Unlogged random inflow [m3/s].
-    travel_time : ndarray, shape (days,)
-        True travel time at the day's mean inflow [s].
-    delay : ndarray of int, shape (days,)
-        True delay d [samples]; see :func:`true_delay`.
-    delay_other : ndarray of int, shape (days,)
-        The other right answer where `near_edge`, the same elsewhere.
-    near_edge : ndarray of bool, shape (days,)
-        The travel time is close to a whole number of samples.
-    real_inflow, real_outflow : ndarray, shape (days, N)
-        What the dams really let through [m3/s].
-    unlogged : ndarray, shape (days, N)
-        Sum of all flows other than through the dams that do not depend on the level, weather included [m3/s].
-    effects : tuple of Effect
-        Effects that were simulated.
-    world : World
-        Input of the effects, lead time included.
-    place : int
-        Number of the reach in its cascade, from 0.
-    all_outflow : ndarray, shape (n,)
-        Outflow commands of all days, lead time and missing days included [m3/s].
-    """
+    """Days of logs and their truth, in date order; missing days are left out."""
 
     scenario: Scenario
     seed: int
-    dates: tuple[dt.date, ...]
-    seconds: Floats
-    inflow: Floats
-    outflow: Floats
-    level: Floats
-    true_level: Floats
-    weather: Floats
-    travel_time: Floats
-    delay: Ints
-    delay_other: Ints
-    near_edge: NDArray[np.bool_]
-    real_inflow: Floats
-    real_outflow: Floats
+    dates: tuple[dt.date, ...]  #: one per row
+    seconds: Floats  #: sample times after local midnight [s]: k T_s, the day's last step being shorter, (N,)
+    inflow: Floats  #: commands u_Qi [m3/s], (days, N)
+    outflow: Floats  #: commands u_Qo [m3/s], (days, N)
+    level: Floats  #: gauge reading h_L [m]; NaN where it is missing, (days, N)
+    true_level: Floats  #: true level [m], (days, N)
+    weather: Floats  #: unlogged random inflow [m3/s], (days, N)
+    travel_time: Floats  #: true travel time at the day's mean inflow [s], (days,)
+    delay: Ints  #: true delay d [samples]; see :func:`true_delay`, (days,)
+    delay_other: Ints  #: the other right answer where `near_edge`, the same elsewhere, (days,)
+    near_edge: NDArray[np.bool_]  #: the travel time is close to a whole number of samples, (days,)
+    real_inflow: Floats  #: what the upstream dam really lets through [m3/s], (days, N)
+    real_outflow: Floats  #: the same of the downstream dam [m3/s], (days, N)
+    #: sum of all flows other than through the dams that do not depend on the level, weather included [m3/s],
+    #: (days, N)
     unlogged: Floats
-    effects: tuple[Effect, ...]
-    world: World
-    place: int
-    all_outflow: Floats
+    effects: tuple[Effect, ...]  #: that were simulated
+    world: World  #: input of the effects, lead time included
+    place: int  #: number of the reach in its cascade, from 0
+    all_outflow: Floats  #: outflow commands of all days, lead time and missing days included [m3/s], (n,)
 
     @property
     def sample_time(self) -> float:
