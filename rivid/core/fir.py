@@ -19,8 +19,8 @@ substitution then has little left to do.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA, MAX_CONDITION, JmapSettings
 from rivid.errors import RividError
 from rivid.types import Floats, Ints, Strings
+
+_Result = TypeVar("_Result")
 
 LANE_MULTIPLE = 16
 """Lanes come in multiples of this: two registers of eight doubles."""
@@ -200,6 +202,16 @@ class FirResult:
     status: Strings
 
 
+def only_day(found: _Result) -> _Result:
+    """The result of a single day, without the axis of days."""
+    of_days = {
+        name: values[0]
+        for name, values in vars(found).items()
+        if name not in ("candidates", "names") and values is not None
+    }
+    return replace(found, **of_days)  # type: ignore[type-var]  # all are dataclasses
+
+
 def second_difference(order: int) -> Floats:
     """D: the M x M lower-triangular Toeplitz matrix with first column (1, -2, 1, 0, ...), of (20)."""
     return np.eye(order) - 2.0 * np.eye(order, k=-1) + np.eye(order, k=-2)
@@ -268,9 +280,8 @@ def map_fir(
     bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
     fir[bad], noise[bad] = np.nan, np.nan
     status = np.where(bad, "unidentifiable", "ok")
-    if single:
-        return FirResult(fir[0], noise[0], condition[0], status[0])
-    return FirResult(fir, noise, condition, status)
+    found = FirResult(fir, noise, condition, status)
+    return only_day(found) if single else found
 
 
 def half_time(fir: Floats) -> Floats:
@@ -296,15 +307,13 @@ def half_time(fir: Floats) -> Floats:
     array([2. , 1.5])
     """
     steps = np.cumsum(fir, axis=1)
-    t50 = np.full(len(fir), np.nan)
-    for i, step in enumerate(steps):
-        if step[-1] > 0:
-            half = 0.5 * step[-1]
-            k = int(np.argmax(step >= half))
-            before = step[k - 1] if k else 0.0
-            # a coefficient at lag k acts over the sample around k
-            t50[i] = k - 0.5 + (half - before) / (step[k] - before)
-    return t50
+    every, half = np.arange(len(fir)), 0.5 * steps[:, -1]
+    k = np.argmax(steps >= half[:, None], axis=1)
+    before = np.where(k > 0, steps[every, k - 1], 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a coefficient at lag k acts over the sample around k
+        t50 = k - 0.5 + (half - before) / (steps[every, k] - before)
+    return np.where(half > 0.0, t50, np.nan)
 
 
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
@@ -411,14 +420,13 @@ def jmap(
             parts.append(block.result(min(days.stop, n) - days.start))
     rounds = max(part["trace"].shape[1] for part in parts)
     for part in parts:
-        kept = part.pop("trace")
-        if trace:
-            wide = ((0, 0), (0, rounds - kept.shape[1]), (0, 0))
-            part["trace"] = np.pad(kept, wide, constant_values=np.nan)
-    merged: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    if single:
-        merged = {name: values[0] for name, values in merged.items()}
-    return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
+        wide = ((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0))
+        part["trace"] = np.pad(part["trace"], wide, constant_values=np.nan)
+    columns: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not trace:
+        del columns["trace"]
+    found = JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **columns)
+    return only_day(found) if single else found
 
 
 class _Candidates:

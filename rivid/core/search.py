@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.fir import as_days, blocks
+from rivid.core.fir import as_days, blocks, only_day
 from rivid.core.settings import SearchSettings
 from rivid.types import Floats, Ints, Strings
 
@@ -119,7 +119,7 @@ def direct(
     moving = {"level": h, "inflow": u, "outflow": o}
     found = _search(h, [-np.cumsum(o, axis=1)], moving, DIRECT_PARAMETERS, s)
     found = replace(found, parameters=found.parameters[:, ::-1].copy())  # in the order of (12)
-    return _only_day(found) if single else found
+    return only_day(found) if single else found
 
 
 def indirect(
@@ -148,7 +148,7 @@ def indirect(
     u, h = (values - values[:, :1] for values in days)
     h_f, moving = np.cumsum(h, axis=1), {"level": h, "inflow": u}
     found = _search(h_f, [h_f, np.cumsum(u, axis=1)], moving, INDIRECT_PARAMETERS, s)
-    return _only_day(found) if single else found
+    return only_day(found) if single else found
 
 
 def _search(
@@ -216,12 +216,6 @@ def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Float
             for j in range(P - 1, 0, -1):
                 theta[:j, i] -= R[:j, j] * theta[j, i]
     return J, theta, least
-
-
-def _only_day(found: SearchResult) -> SearchResult:
-    """The result of a single day, without the axis of days."""
-    names = ("delay", "reason", "criterion", "parameters", "noise_variance")
-    return replace(found, **{name: getattr(found, name)[0] for name in names})
 
 
 def _lagged(x: Floats, lag: int) -> Floats:
