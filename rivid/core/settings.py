@@ -8,7 +8,7 @@ import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import ceil, isfinite
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from rivid.errors import ConfigError, nearest
 
@@ -98,7 +98,7 @@ def named(changes: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
 
 
 class Checked:
-    """Base of dataclasses that check the :class:`Limits` of their fields."""
+    """Base of dataclasses that check the :class:`Limits` and the names of their fields."""
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """The same with some settings changed; see :func:`named`."""
@@ -108,6 +108,9 @@ class Checked:
     def __post_init__(self) -> None:
         for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses
             value = getattr(self, field.name)
+            if get_origin(field.type) is Literal and value not in get_args(field.type):
+                names = ", ".join(get_args(field.type))
+                raise ConfigError(f'{field.name} = "{value}": expected one of {names}')
             given = value if isinstance(value, tuple) else () if value is None else (value,)
             for part in (field.type, *get_args(field.type)):
                 for limits in getattr(part, "__metadata__", ()):
@@ -215,13 +218,7 @@ class JmapSettings(_Delays):
 
 @dataclass(frozen=True)
 class SearchSettings(_Delays):
-    """The delays that `direct` and `indirect` try.
-
-    Parameters
-    ----------
-    d_min, d_max : int
-        Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
-    """
+    """The delays that `direct` and `indirect` try: every one from `d_min` to `d_max` [samples]."""
 
     d_min: Delay = 1
     d_max: Delay = 15
@@ -264,11 +261,6 @@ class CusumSettings(_Delays):
     moment: Moment = "onset"
     d_min: Delay = 1
     d_max: Delay = 15
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.moment not in get_args(Moment):
-            raise ConfigError(f'moment = "{self.moment}": expected one of {", ".join(get_args(Moment))}')
 
 
 @dataclass(frozen=True)
