@@ -3,7 +3,7 @@
 import datetime as dt
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -197,16 +197,14 @@ class Effect(ABC):
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:
         """Unit, limits and meaning of each parameter, by name."""
-        return {f.name: f.metadata["quantity"] for f in cls._quantities()}
+        return {f.name: f.metadata["quantity"] for f in fields(cls) if "quantity" in f.metadata}
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Usual value of each parameter."""
-        return {f.name: f.default for f in cls._quantities() if f.default is not MISSING}
-
-    @classmethod
-    def _quantities(cls) -> list[Field[Any]]:
-        return [f for f in fields(cls) if "quantity" in f.metadata]
+        return {
+            f.name: f.default for f in fields(cls) if "quantity" in f.metadata and f.default is not MISSING
+        }
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> Self:
@@ -218,13 +216,10 @@ class Effect(ABC):
                 raise ConfigError(f"{cls.name}: unknown key {key!r}: expected {', '.join(valid)}")
         if "dates" in given:
             given["dates"] = _two_dates(cls.name, given["dates"])
-        if "hours" in given and (
-            not isinstance(given["hours"], tuple)
-            or len(given["hours"]) != 2
-            or not all(isinstance(h, int | float) for h in given["hours"])
-        ):
-            raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
-        return cls(**given)
+        match given.get("hours", (0, 24)):
+            case (int() | float(), int() | float()):
+                return cls(**given)
+        raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
 
     def with_values(self, **values: Any) -> Self:
         """The same effect with other values of some parameters."""

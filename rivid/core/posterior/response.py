@@ -139,19 +139,15 @@ def response_grid(s: RiverSettings) -> ResponseGrid:
 def _grid(low: float, high: float, n_lags: int, stride: int = 1) -> ResponseGrid:
     """The grid of travel times from `low` to `high`, both in units of `stride` samples."""
     t50 = np.arange(low, high + 1e-9, STEP)
-    h, prior = [], []
-    for family, parameters in FAMILIES:
-        for parameter in parameters:
-            h.append(responses(family, parameter, t50, n_lags))
-            prior.append(1.0 / (len(FAMILIES) * len(parameters)))
-    all_h = np.stack(h)
+    h = np.stack([responses(family, one, t50, n_lags) for family, many in FAMILIES for one in many])
+    prior = np.array([1.0 / (len(FAMILIES) * len(many)) for _, many in FAMILIES for _ in many])
     blocks = []
-    for shape in range(len(all_h)):
+    for shape in range(len(h)):
         for begin in range(0, len(t50), BLOCK):
             part = slice(begin, min(begin + BLOCK, len(t50)))
-            lags = np.flatnonzero(all_h[shape, part].max(axis=0) > 0.0)
+            lags = np.flatnonzero(h[shape, part].max(axis=0) > 0.0)
             blocks.append((shape, part, slice(int(lags[0]), int(lags[-1]) + 1)))
-    return ResponseGrid(t50 * stride, all_h, np.array(prior), tuple(blocks), stride)
+    return ResponseGrid(t50 * stride, h, prior, tuple(blocks), stride)
 
 
 def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Floats:

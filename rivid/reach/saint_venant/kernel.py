@@ -259,10 +259,8 @@ def advance(
     where there are operators. What leaks and ponds take and the gate lets through follows the level at each
     sample, where the water is nudged the observed one, and is held to the next.
 
-    Returns
-    -------
-    how, day, sample, cell, value
-        OK; or DRY and the cell; or UNSTABLE and the step that would do [s]; or UNSTEADY: no steady flow.
+    Returns how it ended, with the day, sample, cell and value: OK; or DRY and the cell; or UNSTABLE and the
+    step that would do [s]; or UNSTEADY: no steady flow.
     """
     outflow, released, level = flow.outflow, flow.released, flow.level
     area, discharge, gates, clock, gate_state, ponds = flow.end
@@ -357,11 +355,10 @@ def advance(
                 mean = (passed - moved) / dt
                 moved = passed
                 way = min(1.0, step * dt / gate_time) if gate_time > 0.0 else 1.0
-                W[Q], W[Q_X + 1] = up + mean * to_up, up + way * to_up
                 accelerate(W, c, since, dx, ahead)
-                W[Q_X] = 2.0 * W[Q_X + 1] - W[Q_X + 2]
+                W[Q], W[Q_X + 1] = up + mean * to_up, up + way * to_up
                 W[Q + c], W[Q_X + c + 1] = down + mean * to_down, down + way * to_down
-                W[Q_X + c + 2] = 2.0 * W[Q_X + c + 1] - W[Q_X + c]
+                extend(W, Q_X + 1, Q_X + c + 1)
                 if fill(W, c, dt, dx, rise, sharp, rectangular) > 0:
                     for i in range(c):
                         if not W[A + i] > 0.0:
