@@ -487,7 +487,8 @@ class _Block:
         # pages, new again each time, would take a fifth of the time
         self.A, self.R = np.empty((2, s.order, s.order + 1, self.n))
         self.yy, self.N = gram(u, y, take, self.A[::-1, -2::-1], self.A[::-1, -1], s.free_start)
-        self.rounds: list[Floats] = []  # sigma_w2 and sigma_hD2 of each iteration, shape (lanes, 2)
+        self.variances = np.full((2, self.n), np.nan)  # sigma_w2 and sigma_hD2
+        self.rounds: list[Floats] = []  # the same of each iteration
         self.dof = self.N + 2 * (s.alpha_w + 1)
         self.settled = np.zeros(self.n, bool)
         self.candidates = np.arange(s.d_min, s.d_max + 1)
@@ -497,23 +498,22 @@ class _Block:
         self.fir = np.full((s.order, self.n), np.nan)
         self.cost = np.full((len(self.candidates), self.n), np.nan)
         self.index = np.zeros(self.n, np.intp)
-        self.s_w, self.s_h = np.full(self.n, np.nan), np.full(self.n, np.nan)
         self.iterations = np.zeros(self.n, np.intp)
 
     def result(self, n_days: int) -> dict[str, NDArray[Any]]:
         """Estimate, and give the columns of the first `n_days` lanes."""
         s, here = self.settings, slice(0, n_days)
         condition = condition_numbers(self.A[:, :-1, here])
-        if s.alpha is not None:
-            self._table_v(s.alpha)
-            criterion, data_only = self.cost, self.cost / self.s_w
-        else:
+        if s.alpha is None:
             terms = self._table_vi()
-            data_only = self.cost / self.s_w
-            criterion = data_only + self.penalty[:, None] + terms
+        else:
+            self._table_v(s.alpha)
+        s_w, s_h = self.variances
+        data_only = self.cost / s_w
+        criterion = data_only + self.penalty[:, None] + terms if s.alpha is None else self.cost
         bad = motionless(self.yy, self.A)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
-        alpha = self.s_w / self.s_h
+        alpha = s_w / s_h
         flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
         elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
         astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
@@ -521,8 +521,8 @@ class _Block:
             "delay": self.candidates[self.index].astype(float)[here],
             "fir": self.fir[::-1].T[here],
             "alpha": alpha[here],
-            "noise_variance": self.s_w[here],
-            "roughness_variance": self.s_h[here],
+            "noise_variance": s_w[here],
+            "roughness_variance": s_h[here],
             "criterion": criterion.T[here],
         }
         for values in columns.values():
@@ -532,7 +532,7 @@ class _Block:
             "condition": condition,
             "status": np.where(bad, "unidentifiable", np.where(astray, "degenerate", "ok")),
             "prior_only": ~bad & (flat | elsewhere)[here],
-            "trace": np.stack(self.rounds, axis=1)[here],
+            "trace": np.stack(self.rounds).transpose(2, 0, 1)[here],
         }
 
     def _table_v(self, alpha: float) -> None:
@@ -543,8 +543,8 @@ class _Block:
         self.index = np.argmin(self.cost, axis=0)
         self.fir = search.fir(self.index)
         fidelity = self.cost[self.index, np.arange(self.n)] - alpha * self._roughness(self.fir, self.index)
-        self.s_w = self._noise(fidelity, slice(None))
-        self.s_h = self.s_w / alpha
+        s_w = self._noise(fidelity, slice(None))
+        self.variances[:] = s_w, s_w / alpha
         self.iterations[:], self.settled[:] = 1, True
         self._note(slice(None))
 
@@ -568,20 +568,17 @@ class _Block:
         working = np.isfinite(h).all(axis=0) & ~motionless(self.yy, self.A)
         for iteration in range(1, s.max_iterations + 1):
             s_w = self._noise(fidelity, take)  # (38)
-            s_h = (rough + 2 * beta_h[take]) / shape  # (37)
-            s_h = np.maximum(s_h, s_w / ALPHA_CAP)
+            s_h = np.maximum((rough + 2 * beta_h[take]) / shape, s_w / ALPHA_CAP)  # (37)
             search.solve(s_w / s_h)
             index = np.argmin(search.cost / s_w + self.penalty[:, None], axis=0)
             h = search.fir(index)
             rough = self._roughness(h, index)
             fidelity = search.cost[index, np.arange(len(take))] - s_w / s_h * rough
 
-            settled = (abs(s_h / self.s_h[take] - 1) < s.tolerance) & (
-                abs(s_w / self.s_w[take] - 1) < s.tolerance
-            )
-            now = take[working]
+            variances, now = np.stack([s_w, s_h]), take[working]
+            settled = (abs(variances / self.variances[:, take] - 1) < s.tolerance).all(axis=0)
             self.fir[:, now], self.cost[:, now] = h[:, working], search.cost[:, working]
-            self.index[now], self.s_w[now], self.s_h[now] = index[working], s_w[working], s_h[working]
+            self.index[now], self.variances[:, now] = index[working], variances[:, working]
             self.iterations[now], self.settled[now] = iteration, settled[working]
             self._note(now)
             working = working & ~settled & np.isfinite(s_w)
@@ -595,13 +592,14 @@ class _Block:
                 search = _Candidates(A, R, search.yy[keep], s)
                 take, rough, fidelity = take[keep], rough[keep], fidelity[keep]
                 working = np.arange(len(keep)) < len(left)
-        terms = 2 * beta_h / self.s_h + self.dof * np.log(self.s_w) + shape * np.log(self.s_h)
-        return np.asarray(terms + 2 * s.beta_w / self.s_w)
+        s_w, s_h = self.variances
+        terms = 2 * beta_h / s_h + self.dof * np.log(s_w) + shape * np.log(s_h)
+        return np.asarray(terms + 2 * s.beta_w / s_w)
 
     def _note(self, now: Ints | slice) -> None:
         """Keep the variances of the lanes that were worked on."""
-        found = np.full((self.n, 2), np.nan)
-        found[now] = np.stack([self.s_w, self.s_h], axis=1)[now]
+        found = np.full((2, self.n), np.nan)
+        found[:, now] = self.variances[:, now]
         self.rounds.append(found)
 
     def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:
