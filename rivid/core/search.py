@@ -152,25 +152,21 @@ def indirect(
 
 
 def _search(
-    target: Floats,
-    shared: list[Floats],
-    moving: dict[str, Floats],
-    names: tuple[str, ...],
-    settings: SearchSettings,
+    target: Floats, shared: list[Floats], moving: dict[str, Floats], names: tuple[str, ...], s: SearchSettings
 ) -> SearchResult:
     """Table IV for (days, N): columns `shared` at lag 1, then the filtered u at lag d + 1, and so theta.
 
     `moving` holds the signals that must move, by name; of its "inflow", u, the candidates' columns are made.
     """
     u = moving["inflow"]
-    n, candidates = len(u), np.arange(settings.d_min, settings.d_max + 1)
+    n, candidates = len(u), np.arange(s.d_min, s.d_max + 1)
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
     signals = [target, *shared, np.cumsum(u, axis=1)]  # x^f = x / (1 - q^-1)
     for days, take in blocks(n, BLOCK):
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
         J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
-    last = settings.d_max + 1
+    last = s.d_max + 1
     why = [(~x.any(axis=1), f"the {name} never moves") for name, x in moving.items()]
     why += [
         (~u[:, :-last].any(axis=1), f"the inflow moves in the last d_max + 1 = {last} samples only"),

@@ -4,7 +4,7 @@ import datetime as dt
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from rivid.reach.changes import Changes
 from rivid.types import DAY, Bools, Floats
 
 Family = Literal["flow", "timing", "level"]
-FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
+FAMILIES: tuple[Family, ...] = get_args(Family)
 Dates = Literal["all", "from", "until", "between"]
 """Windows of dates that are scanned: the whole season, from or until a date, between two dates."""
 FoundAs = Literal["", "recession", "pulse", "jump", "level noise", "swing"]

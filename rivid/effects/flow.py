@@ -4,7 +4,7 @@ import datetime as dt
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -254,7 +254,7 @@ class RainInflow(_Events):
         return self.per_month / 30.0
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "RainInflow":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
 
     @classmethod
@@ -333,9 +333,7 @@ class UnloggedDownstreamRelease(_Events):
     duration: Sizes = quantity(0.5, "h", 0.001, 2400.0, "how long a pulse lasts", many=True)
 
     @classmethod
-    def from_events(
-        cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes
-    ) -> "UnloggedDownstreamRelease":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
 
     @classmethod

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -110,7 +111,7 @@ class SensorStep(_Level):
             )
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "SensorStep":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(step=tuple(sizes), start=tuple(starts))
 
     def changes(self, world: World) -> Changes:

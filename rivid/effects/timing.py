@@ -36,12 +36,9 @@ class FlowDependentDelay(_Timing):
     )
 
     delay: float = quantity(
-        -0.5,
-        "s per m3/s",
-        -100.0,
-        100.0,
+        -0.5, "s per m3/s", -100.0, 100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
-    )
+    )  # fmt: skip
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:

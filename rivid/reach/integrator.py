@@ -118,12 +118,7 @@ def hold(
 
 
 def supply(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    travel_time: ArrayLike,
-    before: float,
-    changes: Changes = NO_CHANGES,
+    reach: LinearReach, time: Floats, inflow: Floats, travel_time: ArrayLike, before: float, changes: Changes
 ) -> Floats:
     """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
 

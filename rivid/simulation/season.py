@@ -62,11 +62,7 @@ def daily_flow(flow: FlowScenario, first_day: dt.date, days: int, rng: np.random
 
 
 def programme(
-    scenario: ProgrammeScenario,
-    time: Floats,
-    means: Floats,
-    weekdays: NDArray[np.intp],
-    rng: np.random.Generator,
+    p: ProgrammeScenario, time: Floats, means: Floats, weekdays: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
     """Inflow commands u_Qi in whole quanta [m3/s], held from each sample to the next, shape (n,).
 
@@ -75,7 +71,6 @@ def programme(
     little every day and are joined across midnight. On top lie corrections, the share of the load's unrest
     that this dam takes. The dispatcher acts on some samples only, in steps that the ramp limits.
     """
-    p = scenario
     days = len(means)
     swing = p.swing * np.exp(p.swing_spread * rng.standard_normal(days) - p.swing_spread**2 / 2)
     swing *= np.where(weekdays >= 5, p.weekend, 1.0)
@@ -172,14 +167,9 @@ class Water:
         return arrival_time(self.channel, flow, level)
 
     def run(
-        self,
-        time: Floats,
-        inflow: Floats,
-        outflow: Floats | OperatorArrays,
-        usual_flow: Floats,
-        changes: Changes,
-        start: float,
-    ) -> tuple[Floats, Floats, Floats]:
+        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
+        changes: Changes, start: float,
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
         """Level, commanded and real outflow, from the logged inflow and the outflow's commands or operators.
 
         The linear reach's travel time follows `usual_flow` [m3/s]; `start` is the first level [m]. Raises
@@ -306,7 +296,7 @@ def simulate(
     crew = draw_crew(settings, reach.drop(settings.look[1]), operators_rng)
     duty = roster(time, settings, operators_rng)
     operators = operator_arrays(
-        time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
+        inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
     true, commands, released = reach.run(time, inflow, operators, usual, changes, float(aim[0]))
     level = quantise(stilled(time, true, gauge.lag + asked.well) + noise, gauge.quantum)
