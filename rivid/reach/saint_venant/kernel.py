@@ -72,16 +72,6 @@ FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
 """Freedoms of the compiler in the loops along the cells: NaN and infinity stay what they are."""
 
 
-@njit(cache=True, error_model="numpy")
-def lay_out(W: Floats, c: Sections) -> None:
-    """Write the sections into the buffer; behind the last cell a dummy; its face is overwritten."""
-    n = len(c.bed)
-    for i in range(n):
-        W[BED + i], W[A_0 + i], W[B_0 + i], W[S + i] = c.bed[i], c.a[i], c.b[i], c.s[i]
-        W[P_0 + i], W[W_P + i], W[FRICTION + i] = c.p[i], c.w[i], 2.0 * c.friction[i]
-    W[A + n] = W[P + n] = 1.0
-
-
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def divide(W: Floats, n: int) -> None:
     """All divisions and roots of the areas: level, perimeter, and what the series start from."""
@@ -267,8 +257,10 @@ def advance(
     n = inflow.shape[1]
     c = len(sections.bed)
     W, memory = np.zeros(FIELDS), np.empty(MEMORY)
-    lay_out(W, sections)
-    W[LIFT : LIFT + c] = lift
+    W[BED : BED + c], W[A_0 : A_0 + c], W[B_0 : B_0 + c] = sections.bed, sections.a, sections.b
+    W[S : S + c], W[P_0 : P_0 + c], W[W_P : W_P + c] = sections.s, sections.p, sections.w
+    W[FRICTION : FRICTION + c], W[LIFT : LIFT + c] = 2.0 * sections.friction[:c], lift
+    W[A + c] = W[P + c] = 1.0  # a dummy behind the last cell; its face is overwritten
     rectangular = not (sections.s.any() or sections.a.any())
     commanded = len(operators.inflow) > 0
     for day in range(first, last):
