@@ -39,22 +39,10 @@ class CusumResult(WithReason):
 def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any) -> CusumResult:
     """Find the delay in impulse responses that were estimated without one.
 
-    Parameters
-    ----------
-    fir : array_like, shape (M,) or (days, M)
-        h of :func:`rivid.core.fir.ml` or :func:`rivid.core.fir.map_fir` [output unit per m3/s]; a day with
-        NaN has no FIR.
-    settings : CusumSettings, optional
-    **changes
-        Single settings to change, ``cusum(fir, drift=1.5)``.
+    `fir`, (M,) or (days, M), is h of :func:`rivid.core.fir.ml` or :func:`rivid.core.fir.map_fir` [output unit
+    per m3/s]; a day with NaN has no FIR. `changes` are single settings, ``cusum(fir, drift=1.5)``. RividError
+    for a shape that does not fit, or an FIR too short for d_max.
 
-    Raises
-    ------
-    RividError
-        For a shape that does not fit, or an FIR too short for d_max.
-
-    Notes
-    -----
     Source: section VI, on Fig. 13 and 14. The test is E. S. Page, "Continuous inspection schemes",
     Biometrika 41 (1954), 100-115; the estimate of the change time is that of M. Basseville and I. V.
     Nikiforov, "Detection of abrupt changes" (1993), chapter 2. A smooth FIR (MAP) has no jump but a rise that

@@ -218,23 +218,7 @@ def second_difference(order: int) -> Floats:
 
 
 def ml(u: ArrayLike, y: ArrayLike, order: int = 30, *, free_start: bool = False) -> FirResult:
-    """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17).
-
-    Parameters
-    ----------
-    u : array_like, shape (N,) or (days, N)
-        Inflow deviations from the day's first sample [m3/s].
-    y : array_like, same shape
-        Output deviations [output unit].
-    order : int
-        Length M of the FIR.
-    free_start : bool
-        See :class:`rivid.core.settings.JmapSettings`.
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or fewer samples than M.
+    """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17): :func:`map_fir` without the prior.
 
     Examples
     --------
@@ -251,12 +235,10 @@ def map_fir(
 ) -> FirResult:
     """Maximum a posteriori FIR with a smoothness prior, ``h = (U'U + alpha D'D)^-1 U'y`` (22).
 
-    Parameters
-    ----------
-    u, y, order, free_start
-        As for :func:`ml`.
-    alpha : float
-        Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
+    `u` and `y`, both (N,) or (days, N), are the deviations of inflow [m3/s] and output [output unit] from the
+    day's first sample, `order` is M [samples] and `alpha` sigma_w2 / sigma_hD2 [(m3/s)^2]; `free_start` is
+    that of :class:`rivid.core.settings.JmapSettings`. RividError for shapes that do not fit, values that are
+    not finite, or fewer samples than M.
     """
     (inputs, outputs), single = as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
     n = len(inputs)
@@ -287,19 +269,9 @@ def map_fir(
 def half_time(fir: Floats) -> Floats:
     """t50: the lag by which half of a step of the inflow has arrived.
 
-    For a response that keeps the volume of the inflow, as that of a river. A dispersive river has no single
-    delay; t50 is estimated best, and it adds up along the river.
-
-    Parameters
-    ----------
-    fir : ndarray, shape (days, M)
-        Impulse responses.
-
-    Returns
-    -------
-    ndarray, shape (days,)
-        t50 [samples], interpolated; a unit response at lag k gives k. NaN where the response does not sum to
-        something positive.
+    For responses (days, M) that keep the volume of the inflow, as that of a river. A dispersive river has no
+    single delay; t50 is estimated best, and it adds up along the river. It is interpolated [samples],
+    (days,): a unit response at lag k gives k. NaN where the response does not sum to something positive.
 
     Examples
     --------
@@ -376,26 +348,12 @@ def jmap(
 ) -> JmapResult:
     """Estimate delay and FIR of one day or of many.
 
-    Parameters
-    ----------
-    u : array_like, shape (N,) or (days, N)
-        Inflow deviations from the day's first sample [m3/s].
-    y : array_like, same shape
-        Output deviations from the day's first sample [m for a level, m3/s for a discharge].
-    settings : JmapSettings, optional
-        The paper's by default: Table VI with the Rayleigh prior.
-    trace : bool
-        Whether the variances of every iteration are kept.
-    **changes
-        Single settings to change, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V.
+    `u` and `y`, both (N,) or (days, N), are the deviations of inflow [m3/s] and output [m for a level, m3/s
+    for a discharge] from the day's first sample. The settings are the paper's by default, Table VI with the
+    Rayleigh prior; `changes` are single ones, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V. With
+    `trace` the variances of every iteration are kept. RividError for shapes that do not fit, values that are
+    not finite, or fewer samples than M.
 
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or fewer samples than M.
-
-    Notes
-    -----
     Source: Table V with (28)-(29) for a fixed alpha; Table VI with (35), (37), (38) otherwise. A day's
     result does not depend on the other days of the call, to the last bit.
 

@@ -77,22 +77,10 @@ def direct(
     ``h_L[k] = alpha_i u_Qi^f[k-1-d] - alpha_o u_Qo^f[k-1] + v[k]``, where f is the integrator filter
     ``x^f[k] = x^f[k-1] + x[k]``.
 
-    Parameters
-    ----------
-    inflow, outflow : array_like, shape (N,) or (days, N)
-        u_Qi and u_Qo [m3/s].
-    level : array_like, same shape
-        h_L [m].
-    settings, **changes
-        The paper's bounds, 1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones.
+    The series, all (N,) or (days, N), are u_Qi and u_Qo [m3/s] and h_L [m]. The bounds of d are the paper's,
+    1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones. RividError for shapes that do not
+    fit, values that are not finite, or too few samples for the longest delay.
 
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or too few samples for the longest delay.
-
-    Notes
-    -----
     Source: (8), (11)-(13), Table IV. Readings where the paper leaves a choice:
 
     - Delta x is x less the day's first sample, and zero before it ("initial condition and stationary point",
@@ -128,17 +116,8 @@ def indirect(
     """The indirect approach: reach and operators together (10), from the inflow to the level.
 
     ``h_L^f[k] = (K_h alpha_o + 1) h_L^f[k-1] - K_Q alpha_o u_Qi^f[k-1] + alpha_i u_Qi^f[k-d-1] + v[k]``: (10)
-    divided by ``1 - q^-1``, so that what is left over is v itself.
+    divided by ``1 - q^-1``, so that what is left over is v itself. The arguments are as for :func:`direct`.
 
-    Parameters
-    ----------
-    inflow, level : array_like, shape (N,) or (days, N)
-        u_Qi [m3/s] and h_L [m].
-    settings, **changes
-        As for :func:`direct`.
-
-    Notes
-    -----
     Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
     noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be separated.
     """

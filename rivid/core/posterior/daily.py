@@ -194,18 +194,9 @@ def posterior(
 ) -> PosteriorResult:
     """Probability of every delay, day by day.
 
-    Parameters
-    ----------
-    u, y : array_like, shape (days, N)
-        Inflow commands [m3/s] and level [m]. Neither the level's unit nor a constant matters.
-    o : array_like, shape (days, N), optional
-        Outflow commands [m3/s], where they are logged.
-    settings : PosteriorSettings, optional
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or days too short for d_max.
+    `u` and `y`, both (days, N), are the inflow commands [m3/s] and the level [m], of which neither the unit
+    nor a constant matters; `o` are the outflow commands [m3/s], where they are logged. RividError for shapes
+    that do not fit, values that are not finite, or days too short for d_max.
     """
     s = settings or PosteriorSettings()
     return in_blocks({"inflow": u, "level": y, "outflow": o}, 3 * (s.d_max + GUARD + 4), s, _block)
