@@ -66,12 +66,9 @@ class SearchResult(WithReason):
 
 
 def direct(
-    inflow: ArrayLike,
-    outflow: ArrayLike,
-    level: ArrayLike,
-    settings: SearchSettings | None = None,
+    inflow: ArrayLike, outflow: ArrayLike, level: ArrayLike, settings: SearchSettings | None = None,
     **changes: Any,
-) -> SearchResult:
+) -> SearchResult:  # fmt: skip
     """The direct approach: the reach (8) fitted as if its outflow did not depend on the level.
 
     ``h_L[k] = alpha_i u_Qi^f[k-1-d] - alpha_o u_Qo^f[k-1] + v[k]``, where f is the integrator filter

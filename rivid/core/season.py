@@ -166,14 +166,9 @@ _Belief = tuple[Floats, float]
 
 
 def season(
-    probability: ArrayLike,
-    link: ArrayLike | None = None,
-    discharge: ArrayLike | None = None,
-    *,
-    d_min: int = 1,
-    both_ways: bool = False,
-    settings: SeasonSettings | None = None,
-) -> SeasonResult:
+    probability: ArrayLike, link: ArrayLike | None = None, discharge: ArrayLike | None = None, *,
+    d_min: int = 1, both_ways: bool = False, settings: SeasonSettings | None = None,
+) -> SeasonResult:  # fmt: skip
     """Probability of every delay on every day, given the other days too.
 
     `probability`, shape (days, D), is p(d | y) of each calendar day for the delays from `d_min` on, made with

@@ -47,13 +47,9 @@ class LinearReach:
 
 
 def theoretical_fir(
-    order: int,
-    delay: int,
-    alpha_i: float,
-    alpha_o: float,
-    feedforward: float = 1.0,
+    order: int, delay: int, alpha_i: float, alpha_o: float, feedforward: float = 1.0,
     level_gain: float = -1000.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Impulse response of the regulated reach from inflow to level (10), Fig. 10, (order,) [m per m3/s].
 
     `delay` is d [samples], `alpha_i` and `alpha_o` are K_i T_s / A and K_o T_s / A [m per m3/s],
@@ -143,16 +139,9 @@ def supply(
 
 
 def pool_level(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    outflow: Floats | OperatorArrays,
-    travel_time: ArrayLike,
-    *,
-    start: float = 0.0,
-    before: float = 0.0,
-    changes: Changes = NO_CHANGES,
-) -> tuple[Floats, Floats, Floats]:
+    reach: LinearReach, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays,
+    travel_time: ArrayLike, *, start: float = 0.0, before: float = 0.0, changes: Changes = NO_CHANGES,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Level of the pool, (7), for known commands or for operators who command the outflow.
 
     `time` [s] and the commands `inflow` and `outflow` [m3/s] have shape (n,); an outflow is held, or given by

@@ -239,13 +239,9 @@ class Season:
 
 
 def simulate(
-    scenario: Scenario,
-    seed: int | None = None,
-    *,
-    effects: Sequence[Effect] = (),
-    upstream: "Season | None" = None,
-    water: type[Water] = Water,
-) -> Season:
+    scenario: Scenario, seed: int | None = None, *, effects: Sequence[Effect] = (),
+    upstream: "Season | None" = None, water: type[Water] = Water,
+) -> Season:  # fmt: skip
     """Simulate a season of one reach in closed loop; see :func:`simulate_cascade` for several.
 
     The same `seed`, the scenario's own by default, gives the same season; each part of it (river, programme,

@@ -59,19 +59,10 @@ class Channel:
 
     @classmethod
     def smooth(
-        cls,
-        length: float,
-        width: float,
-        slope: float,
-        manning: float,
-        cells: int,
-        *,
-        side_slope: float = 0.0,
-        end_bed: float = 0.0,
-        width_modes: Sequence[float] = (),
-        bed_modes: Sequence[float] = (),
-        manning_modes: Sequence[float] = (),
-    ) -> "Channel":
+        cls, length: float, width: float, slope: float, manning: float, cells: int, *,
+        side_slope: float = 0.0, end_bed: float = 0.0, width_modes: Sequence[float] = (),
+        bed_modes: Sequence[float] = (), manning_modes: Sequence[float] = (),
+    ) -> "Channel":  # fmt: skip
         """A channel from a few numbers: means, and smooth modes ``cos(j pi x / L)``, j = 1, 2, ...
 
         The bed falls by `slope` [-] to the level `end_bed` [m] at x = L. `width_modes` and `manning_modes`
@@ -94,11 +85,10 @@ class Channel:
             return np.asarray(np.cos(np.pi * np.outer(x, numbers)) @ np.asarray(modes, float), float)
 
         shape = np.exp(wave(width_modes))
-        mean = float(shape.mean())
         return cls(
             length=length,
             bed=end_bed + slope * length * (1.0 - x) + wave(bed_modes),
-            bottom_width=width / mean * shape,
+            bottom_width=width / float(shape.mean()) * shape,
             side_slope=np.full(cells, side_slope),
             manning=manning * np.exp(wave(manning_modes)),
         )

@@ -53,21 +53,11 @@ class Flow(NamedTuple):
 
 
 def simulate(
-    channel: Channel,
-    time: ArrayLike,
-    inflow: ArrayLike,
-    outflow: ArrayLike | OperatorArrays,
-    start: ArrayLike | State,
-    *,
-    changes: Changes = NO_CHANGES,
-    places: Sequence[float] = (),
-    gate_time: float = 30.0,
-    courant: float = 0.5,
-    step: float | None = None,
-    speed: float | None = None,
-    observed: ArrayLike | None = None,
-    lift: ArrayLike = 1.0,
-) -> Flow:
+    channel: Channel, time: ArrayLike, inflow: ArrayLike, outflow: ArrayLike | OperatorArrays,
+    start: ArrayLike | State, *, changes: Changes = NO_CHANGES, places: Sequence[float] = (),
+    gate_time: float = 30.0, courant: float = 0.5, step: float | None = None, speed: float | None = None,
+    observed: ArrayLike | None = None, lift: ArrayLike = 1.0,
+) -> Flow:  # fmt: skip
     """Solve Saint-Venant's equations (1), with Manning friction, for known flows at both dams.
 
     `time` [s], `inflow` and `outflow` [m3/s], held from each sample to the next, have shape (n,) or (days,
