@@ -153,7 +153,7 @@ def gate_flow(
         state[TARGET] = command
     way, rate = state[TARGET] - state[POSITION], gate.rate[day, k]
     if abs(way) <= rate * dt:
-        mean = state[TARGET] if np.isinf(rate) else state[TARGET] - 0.5 * way * abs(way) / (rate * dt)
+        mean = state[TARGET] - 0.5 * way * abs(way) / (rate * dt)
         state[POSITION] = state[TARGET]
     else:
         step = np.copysign(rate * dt, way)

@@ -82,18 +82,11 @@ def programme(
     river = np.interp(time, DAY * (np.arange(days) + 0.5), means)
     step = float(np.median(np.diff(time)))
     unrest = p.corrections * ar1(len(time), step, p.correction_memory, rng)
-    target = np.maximum(river + load + unrest, p.lowest)
-    return _dispatch(p, target, rng.random(len(time)) < p.activity)
-
-
-def _dispatch(p: ProgrammeScenario, target: Floats, acts: NDArray[np.bool_]) -> Floats:
-    """Follow the target on the samples where the dispatcher acts, in whole quanta and limited steps."""
-    wanted = np.round(target / p.quantum).tolist()
+    wanted = np.round(np.maximum(river + load + unrest, p.lowest) / p.quantum).tolist()
     most = max(round(p.ramp / p.quantum), 1)
-    now = wanted[0]
-    units = []
-    for want, act in zip(wanted, acts.tolist(), strict=True):
-        if act:
+    now, units = wanted[0], []
+    for want, chance in zip(wanted, rng.random(len(time)).tolist(), strict=True):
+        if chance < p.activity:
             now += min(max(want - now, -most), most)
         units.append(now)
     return np.asarray(units) * p.quantum
