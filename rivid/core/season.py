@@ -93,14 +93,15 @@ class Chain:
 
     def step(self, mass: Floats, t: int) -> Floats:
         """Mass before day t, from that after day t - 1, shape (B, S, K)."""
-        moved = np.matmul(mass[:, :, None], self.kernels)[:, :, 0]
-        drawn = mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None]
-        return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
+        return self._drifted(mass, mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None])
 
     def back(self, value: Floats, t: int) -> Floats:
         """The transpose of :meth:`step`: expected value on day t, seen from each state of day t - 1."""
-        moved = np.matmul(value[:, :, None], self.kernels)[:, :, 0]
-        drawn = (value * self.anew(t)[:, None]).sum(axis=2, keepdims=True)
+        return self._drifted(value, (value * self.anew(t)[:, None]).sum(axis=2, keepdims=True))
+
+    def _drifted(self, x: Floats, drawn: Floats) -> Floats:
+        """Drift, which is its own transpose, and jumps to what is drawn anew."""
+        moved = np.matmul(x[:, :, None], self.kernels)[:, :, 0]
         return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
 
 

@@ -128,9 +128,6 @@ class UnsteadyGauge(SensorStep):
     name = ""
 
 
-_GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating."
-
-
 @dataclass(frozen=True, kw_only=True)
 class RatingShift(_Level):
     """``read discharge = (1 + error) discharge + offset usual discharge``, within dates.
@@ -141,7 +138,8 @@ class RatingShift(_Level):
     name = "rating_shift"
     acts_on_pool = False
     confounded_with = dict.fromkeys(
-        ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"), _GAUGE_IT
+        ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"),
+        "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating.",
     )
     sentence = (
         "The lower gauge's rating is off: its bed has shifted, or weed grows, since it was last gauged."

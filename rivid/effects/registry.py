@@ -86,13 +86,9 @@ def _in_turn(effects: Sequence[Effect], world: World) -> Iterator[tuple[World, C
         yield seen, changes
 
 
-GROUP = "rivid.effects"
-"""Entry points of this group are effects, each a subclass of :class:`Effect`."""
-
-
 def _from_entry_points() -> Iterator[tuple[str, type[Effect]]]:
-    """Origin and class of each effect of an installed package."""
-    for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, p.value)):
+    """Origin and class of each effect of an installed package: its entry points of this group."""
+    for point in sorted(entry_points(group="rivid.effects"), key=lambda p: (p.name, p.value)):
         where = f"entry point {point.name} = {point.value}"
         try:
             one = point.load()
