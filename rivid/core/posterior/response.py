@@ -117,23 +117,19 @@ def response_grids(s: RiverSettings) -> tuple[ResponseGrid, ...]:
     resolution of t50 is a share of it: travel times of 24 to 48 samples have a step of two samples' worth,
     those of 48 to 96 of four, and so on.
     """
+    grids, stride = [], 1
+    low, longest = max(s.d_min - GUARD, STEP), s.d_max + GUARD
     if s.d_max <= UNIFORM_TO:
-        return (response_grid(s),)
-    grids, low, stride = [], max(s.d_min - GUARD, STEP), 1
-    while low <= s.d_max + GUARD:
+        return (_grid(low, longest, s.n_lags),)
+    while low <= longest:
         high = OCTAVE * stride
         if low < high:
             n_lags = min(lags_of(OCTAVE), s.n_lags // stride)
-            last = min(high - STEP * stride, s.d_max + GUARD)
+            last = min(high - STEP * stride, longest)
             grids.append(_grid(low / stride, last / stride, n_lags, stride))
             low = float(high)
         stride *= 2
     return tuple(grids)
-
-
-def response_grid(s: RiverSettings) -> ResponseGrid:
-    """One grid for all travel times of :class:`RiverSettings`."""
-    return _grid(max(s.d_min - GUARD, STEP), s.d_max + GUARD, s.n_lags)
 
 
 def _grid(low: float, high: float, n_lags: int, stride: int = 1) -> ResponseGrid:
