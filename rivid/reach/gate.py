@@ -66,15 +66,16 @@ NO_OPERATORS = OperatorArrays(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def on_grid(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Values for every sample of a (days, n) grid; RividError where they do not fit it, or are NaN."""
+    """Values for every sample of a (n,) or (days, n) grid; RividError where they do not fit, or are NaN."""
     given = np.asarray(values, float)
     try:
         rows = np.array(np.broadcast_to(given, shape), order="C")
     except ValueError:
         raise RividError(f"{what} has shape {given.shape}: expected {shape} like the inflow") from None
     if np.isnan(rows).any():
-        day, k = np.argwhere(np.isnan(rows))[0]
-        raise RividError(f"{what} is {rows[day, k]} in row {day}, sample {k}: expected a number")
+        *day, k = np.argwhere(np.isnan(rows))[0]
+        where = f"row {day[0]}, " if day else ""
+        raise RividError(f"{what} is {rows[*day, k]} in {where}sample {k}: expected a number")
     return rows
 
 
