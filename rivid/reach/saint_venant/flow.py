@@ -98,10 +98,10 @@ def simulate(
         raise ConfigError(f"a channel of {c} cells: expected at most {MAX_CELLS}")
     day = 0 if np.ndim(inflow) < 2 else slice(None)
     days, n = shape = np.shape(np.atleast_2d(np.asarray(inflow, float)))
-    clock_time = _rows("time", time, shape)
+    clock_time = on_grid("time", time, shape)
     if not (np.diff(clock_time, axis=1) > 0).all():
         raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
-    q_in = _rows("inflow", inflow if changes.inflow is None else changes.inflow, shape)
+    q_in = on_grid("inflow", inflow if changes.inflow is None else changes.inflow, shape)
     if isinstance(outflow, OperatorArrays):
         operators, q_out = outflow, q_in.copy()
         if len(outflow.inflow) != n:
@@ -109,8 +109,8 @@ def simulate(
         if days > 1:
             raise RividError(f"operators at {days} reaches at once: expected one row")
     else:
-        operators, q_out = NO_OPERATORS, _rows("outflow", outflow, shape)
-    sides = np.array([_rows("an added flow", extra.flow, shape) for extra in changes.added])
+        operators, q_out = NO_OPERATORS, on_grid("outflow", outflow, shape)
+    sides = np.array([on_grid("an added flow", extra.flow, shape) for extra in changes.added])
     sides = sides.reshape(-1, *shape)
     share, leak_share, pond_share = (
         _shares(c, [one.place for one in many]) for many in (changes.added, changes.leaks, changes.ponds)
@@ -132,7 +132,7 @@ def simulate(
     target = np.full(shape, np.nan)
     if observed is not None:
         known = ~np.isnan(np.asarray(observed, float))
-        target = np.where(known, _rows("observed", np.where(known, observed, 0.0), shape), np.nan)
+        target = np.where(known, on_grid("observed", np.where(known, observed, 0.0), shape), np.nan)
     level, released, volume, nudge = np.empty((4, *shape))
     levels, discharges = np.empty((2, *shape, len(places)))
     flow = Flow(level, q_out, released, levels, discharges, volume, nudge, state)
@@ -215,15 +215,6 @@ def _check_settings(gate_time: float, courant: float, step: float | None, places
     for place in places:
         if not 0.0 <= place <= 1.0:
             raise ConfigError(f"places holds {place}: expected 0 (upstream) to 1 (downstream)")
-
-
-def _rows(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """A (days, n) array of its own, of finite numbers."""
-    rows = on_grid(name, values, shape)
-    if not np.isfinite(rows).all():
-        day, k = np.argwhere(~np.isfinite(rows))[0]
-        raise RividError(f"{name} is {rows[day, k]} in row {day}, sample {k}: expected a number")
-    return rows
 
 
 def _shares(cells: int, places: Sequence[float]) -> Floats:
