@@ -71,11 +71,7 @@ def as_days(
 
 
 def blocks(n_days: int, most: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
-    """Cut days into blocks of `most` lanes.
-
-    Yields the days of each block, and which day each of its lanes holds, shape (lanes,); padding lanes repeat
-    the block's last day.
-    """
+    """Blocks of `most` lanes: their days, and the day of each lane (lanes,); padding repeats the last."""
     for first in range(0, n_days, most):
         last = min(first + most, n_days)
         yield slice(first, last), padded(np.arange(first, last))

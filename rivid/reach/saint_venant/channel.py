@@ -43,16 +43,18 @@ class Channel:
         cells = np.size(self.bed)
         if cells < MIN_CELLS:
             raise ConfigError(f"bed has {cells} cells: expected {MIN_CELLS} or more")
-        for name, low in (("bed", -np.inf), ("bottom_width", 0.0), ("side_slope", 0.0), ("manning", 0.0)):
+        for name, least, wanted in (
+            ("bed", -np.inf, "a finite level [m]"),
+            ("bottom_width", np.nextafter(0.0, 1.0), "more than 0 m"),
+            ("side_slope", 0.0, "0 or more"),
+            ("manning", 0.0, "0 or more"),
+        ):
             values = np.array(getattr(self, name), float)
             if values.shape != (cells,):
                 raise ConfigError(f"{name} has shape {values.shape}: expected ({cells},), one for each cell")
-            wrong = ~np.isfinite(values) | (values < low)
-            if name == "bottom_width":
-                wrong |= values == 0.0
+            wrong = ~np.isfinite(values) | (values < least)
             if wrong.any():
                 cell = int(np.argmax(wrong))
-                wanted = {"bed": "a finite level [m]", "bottom_width": "more than 0 m"}.get(name, "0 or more")
                 raise ConfigError(f"{name} = {values[cell]} in cell {cell}: expected {wanted}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
