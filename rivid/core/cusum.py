@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rivid.core.fir import only_day
 from rivid.core.search import WithReason
 from rivid.core.settings import CusumSettings
 from rivid.errors import RividError
@@ -38,22 +39,10 @@ class CusumResult(WithReason):
 def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any) -> CusumResult:
     """Find the delay in impulse responses that were estimated without one.
 
-    Parameters
-    ----------
-    fir : array_like, shape (M,) or (days, M)
-        h of :func:`rivid.core.fir.ml` or :func:`rivid.core.fir.map_fir` [output unit per m3/s]; a day with
-        NaN has no FIR.
-    settings : CusumSettings, optional
-    **changes
-        Single settings to change, ``cusum(fir, drift=1.5)``.
+    `fir`, (M,) or (days, M), is h of :func:`rivid.core.fir.ml` or :func:`rivid.core.fir.map_fir` [output unit
+    per m3/s]; a day with NaN has no FIR. `changes` are single settings, ``cusum(fir, drift=1.5)``. RividError
+    for a shape that does not fit, or an FIR too short for d_max.
 
-    Raises
-    ------
-    RividError
-        For a shape that does not fit, or an FIR too short for d_max.
-
-    Notes
-    -----
     Source: section VI, on Fig. 13 and 14. The test is E. S. Page, "Continuous inspection schemes",
     Biometrika 41 (1954), 100-115; the estimate of the change time is that of M. Basseville and I. V.
     Nikiforov, "Detection of abrupt changes" (1993), chapter 2. A smooth FIR (MAP) has no jump but a rise that
@@ -77,7 +66,9 @@ def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any)
         raise RividError(f"d_max = {s.d_max} needs an FIR of order >= {s.d_max + 3}, got {M}: raise order")
     missing = ~np.isfinite(values).all(axis=1)
     h = np.where(missing[:, None], 0.0, values).T
-    sd = _scatter(h) if s.sd is None else np.full(n, s.sd)
+    steps = np.diff(h[1:], axis=0)  # their median deviation is robust against the one jump
+    scatter = MAD_TO_SD * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0) / np.sqrt(2.0)
+    sd = scatter if s.sd is None else np.full(n, s.sd)
     constant = ~missing & (sd == 0.0)
     mean = _means_before(h, s)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,21 +98,9 @@ def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any)
         "",
     )
     used = mean[np.where(np.isnan(alarm), M - 1, alarm).astype(np.intp), np.arange(n)]
-    columns: dict[str, NDArray[Any]] = {
-        "delay": np.where(reason == "", delay, np.nan),
-        "reason": reason,
-        "decision": g.T.copy(),
-        "alarm": alarm,
-        "mean": np.where(missing, np.nan, used),
-        "sd": np.where(missing, np.nan, sd),
-    }
-    return CusumResult(**({name: x[0] for name, x in columns.items()} if single else columns))
-
-
-def _scatter(h: Floats) -> Floats:
-    """Standard deviation of a coefficient, robust against the one jump; h has shape (M, days)."""
-    steps = np.diff(h[1:], axis=0)
-    return np.asarray(MAD_TO_SD * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0) / np.sqrt(2.0))
+    mean_used, sd = (np.where(missing, np.nan, values) for values in (used, sd))
+    found = CusumResult(np.where(reason == "", delay, np.nan), reason, g.T.copy(), alarm, mean_used, sd)
+    return only_day(found) if single else found
 
 
 def _means_before(h: Floats, s: CusumSettings) -> Floats:

@@ -19,8 +19,8 @@ substitution then has little left to do.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA, MAX_CONDITION, JmapSettings
 from rivid.errors import RividError
 from rivid.types import Floats, Ints, Strings
+
+_Result = TypeVar("_Result")
 
 LANE_MULTIPLE = 16
 """Lanes come in multiples of this: two registers of eight doubles."""
@@ -69,11 +71,7 @@ def as_days(
 
 
 def blocks(n_days: int, most: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
-    """Cut days into blocks of `most` lanes.
-
-    Yields the days of each block, and which day each of its lanes holds, shape (lanes,); padding lanes repeat
-    the block's last day.
-    """
+    """Blocks of `most` lanes: their days, and the day of each lane (lanes,); padding repeats the last."""
     for first in range(0, n_days, most):
         last = min(first + most, n_days)
         yield slice(first, last), padded(np.arange(first, last))
@@ -200,29 +198,23 @@ class FirResult:
     status: Strings
 
 
+def only_day(found: _Result) -> _Result:
+    """The result of a single day, without the axis of days."""
+    of_days = {
+        name: values[0]
+        for name, values in vars(found).items()
+        if name not in ("candidates", "names") and values is not None
+    }
+    return replace(found, **of_days)  # type: ignore[type-var]  # all are dataclasses
+
+
 def second_difference(order: int) -> Floats:
     """D: the M x M lower-triangular Toeplitz matrix with first column (1, -2, 1, 0, ...), of (20)."""
     return np.eye(order) - 2.0 * np.eye(order, k=-1) + np.eye(order, k=-2)
 
 
 def ml(u: ArrayLike, y: ArrayLike, order: int = 30, *, free_start: bool = False) -> FirResult:
-    """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17).
-
-    Parameters
-    ----------
-    u : array_like, shape (N,) or (days, N)
-        Inflow deviations from the day's first sample [m3/s].
-    y : array_like, same shape
-        Output deviations [output unit].
-    order : int
-        Length M of the FIR.
-    free_start : bool
-        See :class:`rivid.core.settings.JmapSettings`.
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or fewer samples than M.
+    """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17): :func:`map_fir` without the prior.
 
     Examples
     --------
@@ -239,12 +231,10 @@ def map_fir(
 ) -> FirResult:
     """Maximum a posteriori FIR with a smoothness prior, ``h = (U'U + alpha D'D)^-1 U'y`` (22).
 
-    Parameters
-    ----------
-    u, y, order, free_start
-        As for :func:`ml`.
-    alpha : float
-        Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
+    `u` and `y`, both (N,) or (days, N), are the deviations of inflow [m3/s] and output [output unit] from the
+    day's first sample, `order` is M [samples] and `alpha` sigma_w2 / sigma_hD2 [(m3/s)^2]; `free_start` is
+    that of :class:`rivid.core.settings.JmapSettings`. RividError for shapes that do not fit, values that are
+    not finite, or fewer samples than M.
     """
     (inputs, outputs), single = as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
     n = len(inputs)
@@ -268,27 +258,16 @@ def map_fir(
     bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
     fir[bad], noise[bad] = np.nan, np.nan
     status = np.where(bad, "unidentifiable", "ok")
-    if single:
-        return FirResult(fir[0], noise[0], condition[0], status[0])
-    return FirResult(fir, noise, condition, status)
+    found = FirResult(fir, noise, condition, status)
+    return only_day(found) if single else found
 
 
 def half_time(fir: Floats) -> Floats:
     """t50: the lag by which half of a step of the inflow has arrived.
 
-    For a response that keeps the volume of the inflow, as that of a river. A dispersive river has no single
-    delay; t50 is estimated best, and it adds up along the river.
-
-    Parameters
-    ----------
-    fir : ndarray, shape (days, M)
-        Impulse responses.
-
-    Returns
-    -------
-    ndarray, shape (days,)
-        t50 [samples], interpolated; a unit response at lag k gives k. NaN where the response does not sum to
-        something positive.
+    For responses (days, M) that keep the volume of the inflow, as that of a river. A dispersive river has no
+    single delay; t50 is estimated best, and it adds up along the river. It is interpolated [samples],
+    (days,): a unit response at lag k gives k. NaN where the response does not sum to something positive.
 
     Examples
     --------
@@ -296,15 +275,13 @@ def half_time(fir: Floats) -> Floats:
     array([2. , 1.5])
     """
     steps = np.cumsum(fir, axis=1)
-    t50 = np.full(len(fir), np.nan)
-    for i, step in enumerate(steps):
-        if step[-1] > 0:
-            half = 0.5 * step[-1]
-            k = int(np.argmax(step >= half))
-            before = step[k - 1] if k else 0.0
-            # a coefficient at lag k acts over the sample around k
-            t50[i] = k - 0.5 + (half - before) / (step[k] - before)
-    return t50
+    every, half = np.arange(len(fir)), 0.5 * steps[:, -1]
+    k = np.argmax(steps >= half[:, None], axis=1)
+    before = np.where(k > 0, steps[every, k - 1], 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a coefficient at lag k acts over the sample around k
+        t50 = k - 0.5 + (half - before) / (steps[every, k] - before)
+    return np.where(half > 0.0, t50, np.nan)
 
 
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
@@ -367,26 +344,12 @@ def jmap(
 ) -> JmapResult:
     """Estimate delay and FIR of one day or of many.
 
-    Parameters
-    ----------
-    u : array_like, shape (N,) or (days, N)
-        Inflow deviations from the day's first sample [m3/s].
-    y : array_like, same shape
-        Output deviations from the day's first sample [m for a level, m3/s for a discharge].
-    settings : JmapSettings, optional
-        The paper's by default: Table VI with the Rayleigh prior.
-    trace : bool
-        Whether the variances of every iteration are kept.
-    **changes
-        Single settings to change, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V.
+    `u` and `y`, both (N,) or (days, N), are the deviations of inflow [m3/s] and output [m for a level, m3/s
+    for a discharge] from the day's first sample. The settings are the paper's by default, Table VI with the
+    Rayleigh prior; `changes` are single ones, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V. With
+    `trace` the variances of every iteration are kept. RividError for shapes that do not fit, values that are
+    not finite, or fewer samples than M.
 
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or fewer samples than M.
-
-    Notes
-    -----
     Source: Table V with (28)-(29) for a fixed alpha; Table VI with (35), (37), (38) otherwise. A day's
     result does not depend on the other days of the call, to the last bit.
 
@@ -411,14 +374,13 @@ def jmap(
             parts.append(block.result(min(days.stop, n) - days.start))
     rounds = max(part["trace"].shape[1] for part in parts)
     for part in parts:
-        kept = part.pop("trace")
-        if trace:
-            wide = ((0, 0), (0, rounds - kept.shape[1]), (0, 0))
-            part["trace"] = np.pad(kept, wide, constant_values=np.nan)
-    merged: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    if single:
-        merged = {name: values[0] for name, values in merged.items()}
-    return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
+        wide = ((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0))
+        part["trace"] = np.pad(part["trace"], wide, constant_values=np.nan)
+    columns: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not trace:
+        del columns["trace"]
+    found = JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **columns)
+    return only_day(found) if single else found
 
 
 class _Candidates:
@@ -479,7 +441,8 @@ class _Block:
         # pages, new again each time, would take a fifth of the time
         self.A, self.R = np.empty((2, s.order, s.order + 1, self.n))
         self.yy, self.N = gram(u, y, take, self.A[::-1, -2::-1], self.A[::-1, -1], s.free_start)
-        self.rounds: list[Floats] = []  # sigma_w2 and sigma_hD2 of each iteration, shape (lanes, 2)
+        self.variances = np.full((2, self.n), np.nan)  # sigma_w2 and sigma_hD2
+        self.rounds: list[Floats] = []  # the same of each iteration
         self.dof = self.N + 2 * (s.alpha_w + 1)
         self.settled = np.zeros(self.n, bool)
         self.candidates = np.arange(s.d_min, s.d_max + 1)
@@ -489,23 +452,22 @@ class _Block:
         self.fir = np.full((s.order, self.n), np.nan)
         self.cost = np.full((len(self.candidates), self.n), np.nan)
         self.index = np.zeros(self.n, np.intp)
-        self.s_w, self.s_h = np.full(self.n, np.nan), np.full(self.n, np.nan)
         self.iterations = np.zeros(self.n, np.intp)
 
     def result(self, n_days: int) -> dict[str, NDArray[Any]]:
         """Estimate, and give the columns of the first `n_days` lanes."""
         s, here = self.settings, slice(0, n_days)
         condition = condition_numbers(self.A[:, :-1, here])
-        if s.alpha is not None:
-            self._table_v(s.alpha)
-            criterion, data_only = self.cost, self.cost / self.s_w
-        else:
+        if s.alpha is None:
             terms = self._table_vi()
-            data_only = self.cost / self.s_w
-            criterion = data_only + self.penalty[:, None] + terms
+        else:
+            self._table_v(s.alpha)
+        s_w, s_h = self.variances
+        data_only = self.cost / s_w
+        criterion = data_only + self.penalty[:, None] + terms if s.alpha is None else self.cost
         bad = motionless(self.yy, self.A)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
-        alpha = self.s_w / self.s_h
+        alpha = s_w / s_h
         flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
         elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
         astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
@@ -513,8 +475,8 @@ class _Block:
             "delay": self.candidates[self.index].astype(float)[here],
             "fir": self.fir[::-1].T[here],
             "alpha": alpha[here],
-            "noise_variance": self.s_w[here],
-            "roughness_variance": self.s_h[here],
+            "noise_variance": s_w[here],
+            "roughness_variance": s_h[here],
             "criterion": criterion.T[here],
         }
         for values in columns.values():
@@ -524,7 +486,7 @@ class _Block:
             "condition": condition,
             "status": np.where(bad, "unidentifiable", np.where(astray, "degenerate", "ok")),
             "prior_only": ~bad & (flat | elsewhere)[here],
-            "trace": np.stack(self.rounds, axis=1)[here],
+            "trace": np.stack(self.rounds).transpose(2, 0, 1)[here],
         }
 
     def _table_v(self, alpha: float) -> None:
@@ -535,8 +497,8 @@ class _Block:
         self.index = np.argmin(self.cost, axis=0)
         self.fir = search.fir(self.index)
         fidelity = self.cost[self.index, np.arange(self.n)] - alpha * self._roughness(self.fir, self.index)
-        self.s_w = self._noise(fidelity, slice(None))
-        self.s_h = self.s_w / alpha
+        s_w = self._noise(fidelity, slice(None))
+        self.variances[:] = s_w, s_w / alpha
         self.iterations[:], self.settled[:] = 1, True
         self._note(slice(None))
 
@@ -560,20 +522,17 @@ class _Block:
         working = np.isfinite(h).all(axis=0) & ~motionless(self.yy, self.A)
         for iteration in range(1, s.max_iterations + 1):
             s_w = self._noise(fidelity, take)  # (38)
-            s_h = (rough + 2 * beta_h[take]) / shape  # (37)
-            s_h = np.maximum(s_h, s_w / ALPHA_CAP)
+            s_h = np.maximum((rough + 2 * beta_h[take]) / shape, s_w / ALPHA_CAP)  # (37)
             search.solve(s_w / s_h)
             index = np.argmin(search.cost / s_w + self.penalty[:, None], axis=0)
             h = search.fir(index)
             rough = self._roughness(h, index)
             fidelity = search.cost[index, np.arange(len(take))] - s_w / s_h * rough
 
-            settled = (abs(s_h / self.s_h[take] - 1) < s.tolerance) & (
-                abs(s_w / self.s_w[take] - 1) < s.tolerance
-            )
-            now = take[working]
+            variances, now = np.stack([s_w, s_h]), take[working]
+            settled = (abs(variances / self.variances[:, take] - 1) < s.tolerance).all(axis=0)
             self.fir[:, now], self.cost[:, now] = h[:, working], search.cost[:, working]
-            self.index[now], self.s_w[now], self.s_h[now] = index[working], s_w[working], s_h[working]
+            self.index[now], self.variances[:, now] = index[working], variances[:, working]
             self.iterations[now], self.settled[now] = iteration, settled[working]
             self._note(now)
             working = working & ~settled & np.isfinite(s_w)
@@ -587,13 +546,14 @@ class _Block:
                 search = _Candidates(A, R, search.yy[keep], s)
                 take, rough, fidelity = take[keep], rough[keep], fidelity[keep]
                 working = np.arange(len(keep)) < len(left)
-        terms = 2 * beta_h / self.s_h + self.dof * np.log(self.s_w) + shape * np.log(self.s_h)
-        return np.asarray(terms + 2 * s.beta_w / self.s_w)
+        s_w, s_h = self.variances
+        terms = 2 * beta_h / s_h + self.dof * np.log(s_w) + shape * np.log(s_h)
+        return np.asarray(terms + 2 * s.beta_w / s_w)
 
     def _note(self, now: Ints | slice) -> None:
         """Keep the variances of the lanes that were worked on."""
-        found = np.full((self.n, 2), np.nan)
-        found[now] = np.stack([self.s_w, self.s_h], axis=1)[now]
+        found = np.full((2, self.n), np.nan)
+        found[:, now] = self.variances[:, now]
         self.rounds.append(found)
 
     def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:

@@ -270,9 +270,7 @@ def _checked(
 
 def _blocks(days: NDArray[np.intp], length: int) -> NDArray[np.intp]:
     """Number of the block of each day: blocks of calendar days, from 0, none empty."""
-    if not len(days):
-        return days
-    return np.asarray(np.unique((days - days[0]) // length, return_inverse=True)[1], np.intp)
+    return np.asarray(np.unique((days - days[:1]) // length, return_inverse=True)[1], np.intp)
 
 
 def _student(freedom: float) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.fir import as_days, blocks
+from rivid.core.fir import as_days, blocks, only_day
 from rivid.core.settings import SearchSettings
 from rivid.types import Floats, Ints, Strings
 
@@ -66,33 +66,18 @@ class SearchResult(WithReason):
 
 
 def direct(
-    inflow: ArrayLike,
-    outflow: ArrayLike,
-    level: ArrayLike,
-    settings: SearchSettings | None = None,
+    inflow: ArrayLike, outflow: ArrayLike, level: ArrayLike, settings: SearchSettings | None = None,
     **changes: Any,
-) -> SearchResult:
+) -> SearchResult:  # fmt: skip
     """The direct approach: the reach (8) fitted as if its outflow did not depend on the level.
 
     ``h_L[k] = alpha_i u_Qi^f[k-1-d] - alpha_o u_Qo^f[k-1] + v[k]``, where f is the integrator filter
     ``x^f[k] = x^f[k-1] + x[k]``.
 
-    Parameters
-    ----------
-    inflow, outflow : array_like, shape (N,) or (days, N)
-        u_Qi and u_Qo [m3/s].
-    level : array_like, same shape
-        h_L [m].
-    settings, **changes
-        The paper's bounds, 1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones.
+    The series, all (N,) or (days, N), are u_Qi and u_Qo [m3/s] and h_L [m]. The bounds of d are the paper's,
+    1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones. RividError for shapes that do not
+    fit, values that are not finite, or too few samples for the longest delay.
 
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or too few samples for the longest delay.
-
-    Notes
-    -----
     Source: (8), (11)-(13), Table IV. Readings where the paper leaves a choice:
 
     - Delta x is x less the day's first sample, and zero before it ("initial condition and stationary point",
@@ -119,7 +104,7 @@ def direct(
     moving = {"level": h, "inflow": u, "outflow": o}
     found = _search(h, [-np.cumsum(o, axis=1)], moving, DIRECT_PARAMETERS, s)
     found = replace(found, parameters=found.parameters[:, ::-1].copy())  # in the order of (12)
-    return _only_day(found) if single else found
+    return only_day(found) if single else found
 
 
 def indirect(
@@ -128,17 +113,8 @@ def indirect(
     """The indirect approach: reach and operators together (10), from the inflow to the level.
 
     ``h_L^f[k] = (K_h alpha_o + 1) h_L^f[k-1] - K_Q alpha_o u_Qi^f[k-1] + alpha_i u_Qi^f[k-d-1] + v[k]``: (10)
-    divided by ``1 - q^-1``, so that what is left over is v itself.
+    divided by ``1 - q^-1``, so that what is left over is v itself. The arguments are as for :func:`direct`.
 
-    Parameters
-    ----------
-    inflow, level : array_like, shape (N,) or (days, N)
-        u_Qi [m3/s] and h_L [m].
-    settings, **changes
-        As for :func:`direct`.
-
-    Notes
-    -----
     Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
     noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be separated.
     """
@@ -148,29 +124,25 @@ def indirect(
     u, h = (values - values[:, :1] for values in days)
     h_f, moving = np.cumsum(h, axis=1), {"level": h, "inflow": u}
     found = _search(h_f, [h_f, np.cumsum(u, axis=1)], moving, INDIRECT_PARAMETERS, s)
-    return _only_day(found) if single else found
+    return only_day(found) if single else found
 
 
 def _search(
-    target: Floats,
-    shared: list[Floats],
-    moving: dict[str, Floats],
-    names: tuple[str, ...],
-    settings: SearchSettings,
+    target: Floats, shared: list[Floats], moving: dict[str, Floats], names: tuple[str, ...], s: SearchSettings
 ) -> SearchResult:
     """Table IV for (days, N): columns `shared` at lag 1, then the filtered u at lag d + 1, and so theta.
 
     `moving` holds the signals that must move, by name; of its "inflow", u, the candidates' columns are made.
     """
     u = moving["inflow"]
-    n, candidates = len(u), np.arange(settings.d_min, settings.d_max + 1)
+    n, candidates = len(u), np.arange(s.d_min, s.d_max + 1)
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
     signals = [target, *shared, np.cumsum(u, axis=1)]  # x^f = x / (1 - q^-1)
     for days, take in blocks(n, BLOCK):
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
         J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
-    last = settings.d_max + 1
+    last = s.d_max + 1
     why = [(~x.any(axis=1), f"the {name} never moves") for name, x in moving.items()]
     why += [
         (~u[:, :-last].any(axis=1), f"the inflow moves in the last d_max + 1 = {last} samples only"),
@@ -216,12 +188,6 @@ def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Float
             for j in range(P - 1, 0, -1):
                 theta[:j, i] -= R[:j, j] * theta[j, i]
     return J, theta, least
-
-
-def _only_day(found: SearchResult) -> SearchResult:
-    """The result of a single day, without the axis of days."""
-    names = ("delay", "reason", "criterion", "parameters", "noise_variance")
-    return replace(found, **{name: getattr(found, name)[0] for name in names})
 
 
 def _lagged(x: Floats, lag: int) -> Floats:

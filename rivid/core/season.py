@@ -53,19 +53,19 @@ they are trusted, the rest even; the likelihood if days are independent, shape (
 observed."""
 
 
-@dataclass(frozen=True)
 class Chain:
-    """Chains of B exponents and S drifts over K grid points."""
+    """Chains of B exponents and S drifts over K grid points; `flow` is the discharge of the days [m3/s]."""
 
-    exponents: Floats
-    kernels: Floats  # drift from one grid point to another, (S, K, K); symmetric
-    jump: float  # probability that a day's travel time is drawn anew
-    edges: Floats  # between the grid points [samples], (K + 1,)
-    d_min: int
-    D: int
-    log_flow: Floats  # ln(Q / Q0), (days,); zero where none is known yet
-    start: Floats  # mass on the first day, (B, S, K)
-    alone: float  # mass of independent days
+    def __init__(self, d_min: int, D: int, flow: Floats | None, days: int, s: SeasonSettings) -> None:
+        K = PARTS * D
+        self.d_min, self.D, self.jump = d_min, D, s.jump
+        self.exponents = np.array(s.exponents if flow is not None else (0.0,), float)
+        self.kernels = np.stack([drift_kernel(K, PARTS * drift) for drift in s.drifts])  # (S, K, K)
+        self.edges = d_min + np.arange(K + 1) / PARTS  # between the grid points [samples], (K + 1,)
+        self.log_flow = np.zeros(days) if flow is None else _log_flow(flow)  # ln(Q / Q0), (days,)
+        states = len(self.exponents), len(s.drifts), K
+        self.start = np.full(states, (1.0 - s.independent) / np.prod(states))  # mass on the first day
+        self.alone = s.independent  # mass of independent days
 
     def _edges_on(self, t: int) -> Floats:
         """The edges at the discharge of a day, shape (B, K + 1) [samples]."""
@@ -93,27 +93,16 @@ class Chain:
 
     def step(self, mass: Floats, t: int) -> Floats:
         """Mass before day t, from that after day t - 1, shape (B, S, K)."""
-        moved = np.matmul(mass[:, :, None], self.kernels)[:, :, 0]
-        drawn = mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None]
-        return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
+        return self._drifted(mass, mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None])
 
     def back(self, value: Floats, t: int) -> Floats:
         """The transpose of :meth:`step`: expected value on day t, seen from each state of day t - 1."""
-        moved = np.matmul(value[:, :, None], self.kernels)[:, :, 0]
-        drawn = (value * self.anew(t)[:, None]).sum(axis=2, keepdims=True)
+        return self._drifted(value, (value * self.anew(t)[:, None]).sum(axis=2, keepdims=True))
+
+    def _drifted(self, x: Floats, drawn: Floats) -> Floats:
+        """Drift, which is its own transpose, and jumps to what is drawn anew."""
+        moved = np.matmul(x[:, :, None], self.kernels)[:, :, 0]
         return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
-
-
-def chain_of(d_min: int, D: int, flow: Floats | None, days: int, s: SeasonSettings) -> Chain:
-    """The chain of a season; `flow` is the discharge of its days [m3/s], shape (days,), or None."""
-    K = PARTS * D
-    exponents = np.array(s.exponents if flow is not None else (0.0,), float)
-    edges = d_min + np.arange(K + 1) / PARTS
-    states = len(exponents), len(s.drifts), K
-    start = np.full(states, (1.0 - s.independent) / np.prod(states))
-    kernels = np.stack([drift_kernel(K, PARTS * drift) for drift in s.drifts])
-    log_flow = np.zeros(days) if flow is None else _log_flow(flow)
-    return Chain(exponents, kernels, s.jump, edges, d_min, D, log_flow, start, s.independent)
 
 
 def independent_likelihood(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
@@ -178,14 +167,9 @@ _Belief = tuple[Floats, float]
 
 
 def season(
-    probability: ArrayLike,
-    link: ArrayLike | None = None,
-    discharge: ArrayLike | None = None,
-    *,
-    d_min: int = 1,
-    both_ways: bool = False,
-    settings: SeasonSettings | None = None,
-) -> SeasonResult:
+    probability: ArrayLike, link: ArrayLike | None = None, discharge: ArrayLike | None = None, *,
+    d_min: int = 1, both_ways: bool = False, settings: SeasonSettings | None = None,
+) -> SeasonResult:  # fmt: skip
     """Probability of every delay on every day, given the other days too.
 
     `probability`, shape (days, D), is p(d | y) of each calendar day for the delays from `d_min` on, made with
@@ -208,10 +192,13 @@ def season(
     """
     s = settings or SeasonSettings()
     days, chain = _checked(probability, link, discharge, d_min, s)
-    answers, beliefs = _forward(days, chain)
+    answers, independent, before = _forward(days, chain)
     if both_ways:
-        answers, beliefs = _backward(days, chain, beliefs)
-    return _result(answers, beliefs, days, chain, d_min, s)
+        answers, independent = _backward(days, chain, before)
+    p = answers / answers.sum(axis=1, keepdims=True)
+    candidates, sure = np.arange(d_min, d_min + chain.D), p.max(axis=1)
+    delay = np.where(sure >= s.answer_above, candidates[np.argmax(p, axis=1)], np.nan)
+    return SeasonResult(candidates, p, delay, sure, smallest_set(p, p), days[3], independent)
 
 
 def _checked(
@@ -248,13 +235,13 @@ def _checked(
             raise RividError(f"discharge goes down to {np.nanmin(flow):g} m3/s: expected it positive, or NaN")
     likely = trust[:, None] * rows + (1.0 - trust[:, None]) / D
     days = rows, likely, independent_likelihood(likely, observed), observed
-    return days, chain_of(d_min, D, flow, n, s)
+    return days, Chain(d_min, D, flow, n, s)
 
 
-def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
-    """Filter: p(d | days up to this one), and the masses before each day."""
+def _forward(days: Days, chain: Chain) -> tuple[Floats, Floats, list[_Belief]]:
+    """Filter: p(d | days up to this one), that of independent days, and the masses before each day."""
     mass, alone = chain.start, chain.alone
-    answers, beliefs = np.empty(days[0].shape), []
+    answers, independent, beliefs = np.empty(days[0].shape), np.empty(len(days[0])), []
     for t, (own, likely, alike, _) in enumerate(zip(*days, strict=True)):
         if t:
             mass = chain.step(mass, t)
@@ -262,41 +249,31 @@ def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
         share = chain.cells(t)
         answers[t] = np.einsum("bsk,bkd->d", mass, share) * likely + alone * alike * own
         mass, alone = mass * (share @ likely)[:, None], alone * alike
+        independent[t] = _part_alone(mass, alone)
         total = mass.sum() + alone
         mass, alone = mass / total, alone / total
-    return answers, beliefs
+    return answers, independent, beliefs
 
 
-def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, list[_Belief]]:
-    """Smoother: p(d | all days)."""
+def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, Floats]:
+    """Smoother: p(d | all days), and that of independent days."""
     own, likely, alike, _ = days
-    answers, beliefs = np.empty(own.shape), list(before)
+    answers, independent = np.empty(own.shape), np.empty(len(own))
     after, after_alone = np.ones_like(chain.start), 1.0
     for t in range(len(own) - 1, -1, -1):
         share = chain.cells(t)
+        seen = (share @ likely[t])[:, None]
         mass, alone = before[t][0] * after, before[t][1] * after_alone
-        beliefs[t] = (mass, alone)
         answers[t] = np.einsum("bsk,bkd->d", mass, share) * likely[t] + alone * alike[t] * own[t]
+        independent[t] = _part_alone(mass * seen, alone * alike[t])
         if t:
-            after = chain.back(after * (share @ likely[t])[:, None], t)
+            after = chain.back(after * seen, t)
             after_alone *= alike[t]
             top = max(float(after.max()), after_alone)
             after, after_alone = after / top, after_alone / top
-    return answers, beliefs
+    return answers, independent
 
 
-def _result(
-    answers: Floats, beliefs: list[_Belief], days: Days, chain: Chain, d_min: int, s: SeasonSettings
-) -> SeasonResult:
-    """Normalise, and weigh independent days against the chains after each day."""
-    n, D = answers.shape
-    _, likely, alike, observed = days
-    independent = np.empty(n)
-    for t, (mass, alone) in enumerate(beliefs):
-        models = (mass * (chain.cells(t) @ likely[t])[:, None]).sum(axis=2)
-        alone *= alike[t]
-        independent[t] = alone / (alone + float(models.sum()))
-    p = answers / answers.sum(axis=1, keepdims=True)
-    candidates, sure = np.arange(d_min, d_min + D), p.max(axis=1)
-    delay = np.where(sure >= s.answer_above, candidates[np.argmax(p, axis=1)], np.nan)
-    return SeasonResult(candidates, p, delay, sure, smallest_set(p, p), observed, independent)
+def _part_alone(mass: Floats, alone: float) -> float:
+    """Share of independent days in the mass after a day."""
+    return alone / (alone + float(mass.sum(axis=2).sum()))

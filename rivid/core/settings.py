@@ -8,7 +8,7 @@ import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import ceil, isfinite
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from rivid.errors import ConfigError, nearest
 
@@ -98,7 +98,7 @@ def named(changes: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
 
 
 class Checked:
-    """Base of dataclasses that check the :class:`Limits` of their fields."""
+    """Base of dataclasses that check the :class:`Limits` and the names of their fields."""
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """The same with some settings changed; see :func:`named`."""
@@ -108,6 +108,9 @@ class Checked:
     def __post_init__(self) -> None:
         for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses
             value = getattr(self, field.name)
+            if get_origin(field.type) is Literal and value not in get_args(field.type):
+                names = ", ".join(get_args(field.type))
+                raise ConfigError(f'{field.name} = "{value}": expected one of {names}')
             given = value if isinstance(value, tuple) else () if value is None else (value,)
             for part in (field.type, *get_args(field.type)):
                 for limits in getattr(part, "__metadata__", ()):
@@ -215,13 +218,7 @@ class JmapSettings(_Delays):
 
 @dataclass(frozen=True)
 class SearchSettings(_Delays):
-    """The delays that `direct` and `indirect` try.
-
-    Parameters
-    ----------
-    d_min, d_max : int
-        Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
-    """
+    """The delays that `direct` and `indirect` try: every one from `d_min` to `d_max` [samples]."""
 
     d_min: Delay = 1
     d_max: Delay = 15
@@ -233,42 +230,26 @@ class CusumSettings(_Delays):
 
     The paper names the algorithm and states that it has to be tuned day by day, without a figure. The
     defaults are those of textbooks for a change of one standard deviation, and are not tuned to a season.
-
-    Parameters
-    ----------
-    threshold : float
-        g above which there is a change [standard deviations].
-    drift : float
-        Taken from g at each lag [standard deviations]; half of the smallest change that matters. It also has
-        to absorb the slow decay of h that (10) shows before the change.
-    mean_lags : int
-        The mean before the change is that of the first so many coefficients, from lag 1 on (of those there
-        are before lag k, if fewer); 0: of all coefficients from lag 1 to k - 1. Lag 0 is never counted: the
-        drop from h[0] to h[1] is the feed-forward of the operators, not the arrival of the inflow.
-    mean : float or None
-        A known mean before the change instead [output unit per m3/s].
-    sd : float or None
-        Standard deviation of a coefficient [output unit per m3/s]. None: the day's own, from the median
-        absolute deviation of the first differences from lag 1 on, which the one jump does not move.
-    moment : {"onset", "alarm"}
-        What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late.
-    d_min, d_max : int
-        The delays that can be estimated [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
     """
 
     threshold: Annotated[float, Limits(gt=0, le=1e6)] = 5.0
+    """g above which there is a change [standard deviations]."""
     drift: Annotated[float, Limits(ge=0, le=1e6)] = 0.5
+    """Taken from g at each lag [standard deviations]; half of the smallest change that matters. It also has
+    to absorb the slow decay of h that (10) shows before the change."""
     mean_lags: Annotated[int, Limits(ge=0, le=MAX_ORDER)] = 3
+    """The mean before the change is that of the first so many coefficients, from lag 1 on (of those there are
+    before lag k, if fewer); 0: of all coefficients from lag 1 to k - 1. Lag 0 is never counted: the drop from
+    h[0] to h[1] is the feed-forward of the operators, not the arrival of the inflow."""
     mean: Annotated[float, Limits()] | None = None
+    """A known mean before the change instead [output unit per m3/s]."""
     sd: Positive | None = None
+    """Standard deviation of a coefficient [output unit per m3/s]. None: the day's own, from the median
+    absolute deviation of the first differences from lag 1 on, which the one jump does not move."""
     moment: Moment = "onset"
-    d_min: Delay = 1
+    """What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late."""
+    d_min: Delay = 1  # the delays that can be estimated [samples]; g stays zero until lag d_min
     d_max: Delay = 15
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.moment not in get_args(Moment):
-            raise ConfigError(f'moment = "{self.moment}": expected one of {", ".join(get_args(Moment))}')
 
 
 @dataclass(frozen=True)
@@ -277,46 +258,33 @@ class PosteriorSettings(_Delays):
 
     All but the range and `answer_above` have the values of the highest log score of the true travel time on
     333 pools drawn at random (`benchmarks/posterior`, seeds below 1,100), and were tested on others.
-
-    Parameters
-    ----------
-    d_min, d_max : int
-        The delays that can be estimated [samples], ``1 <= d_min <= d_max``.
-    order : int
-        Length M of the FIR that is returned [samples], above `d_max`.
-    store_temperature, wave_temperature : float
-        Divisor of the log evidence of a front's place within an equation, 1 or more: no equation is exact,
-        and hundreds of samples make the least wrong place look far surer than it is.
-    between_temperature : float
-        The same between equations.
-    sharp : float
-        Prior share of fronts that lie at a sampling instant, where the front moves the level at once.
-    wave_gate : float
-        Longest time that a gate needs from one command to the next [samples]; a shorter one is as likely.
-    wave_lag : float
-        By how much longer a wave takes to pass with each sample of its travel [samples].
-    wave_store : float
-        Share of waves with the travel time itself as their place, as in a store: behind a stilling well a
-        store follows the wave equations.
-    store_error, wave_error : float
-        Scale of the logistic error of a front's place [samples].
-    answer_above : float
-        Smallest probability of being right at which a day has a delay.
     """
 
-    d_min: Delay = 1
+    d_min: Delay = 1  # the delays that can be estimated [samples]
     d_max: Delay = 15
-    order: Order = 30
+    order: Order = 30  # length M of the FIR that is returned [samples], above `d_max`
     store_temperature: Temperature = 1.1
+    """Divisor of the log evidence of a front's place within an equation, 1 or more: no equation is exact, and
+    hundreds of samples make the least wrong place look far surer than it is."""
     wave_temperature: Temperature = 3.2
+    """The same in the equations of waves."""
     between_temperature: Temperature = 2.3
+    """The same between equations."""
     sharp: Share = 0.61
+    """Prior share of fronts that lie at a sampling instant, where the front moves the level at once."""
     wave_gate: Part = 0.48
+    """Longest time that a gate needs from one command to the next [samples]; a shorter one is as likely."""
     wave_lag: Part = 0.022
+    """By how much longer a wave takes to pass with each sample of its travel [samples]."""
     wave_store: Share = 0.09
+    """Share of waves with the travel time itself as their place, as in a store: behind a stilling well a
+    store follows the wave equations."""
     store_error: Spread = 0.043
+    """Scale of the logistic error of a front's place in a store [samples]."""
     wave_error: Spread = 0.1
+    """The same of a wave's place [samples]."""
     answer_above: Share = 0.68
+    """Smallest probability of being right at which a day has a delay."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

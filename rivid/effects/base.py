@@ -3,8 +3,8 @@
 import datetime as dt
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal, Self
+from dataclasses import MISSING, dataclass, field, fields, replace
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from rivid.reach.changes import Changes
 from rivid.types import DAY, Bools, Floats
 
 Family = Literal["flow", "timing", "level"]
-FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
+FAMILIES: tuple[Family, ...] = get_args(Family)
 Dates = Literal["all", "from", "until", "between"]
 """Windows of dates that are scanned: the whole season, from or until a date, between two dates."""
 FoundAs = Literal["", "recession", "pulse", "jump", "level noise", "swing"]
@@ -52,32 +52,17 @@ LOW, HIGH = -87_600.0, 876_000.0
 class World:
     """Input of an effect: the time grid, the logged flows, and the usual state.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,) or (days, n)
-        Sample times [s] since midnight, local time, of `first_day`; increasing along the last axis.
-        Times below 0 are lead time.
-    inflow, outflow : ndarray, same shape
-        Logged commands [m3/s]; `outflow` is None before the operators are simulated.
-    first_day : datetime.date
-    sample_time : float
-        T_s [s].
-    level : float
-        Usual level at the gauge [m]: reference of level-dependent effects.
-    flow : float
-        Usual discharge [m3/s].
-    seed : tuple of int
-        For random effects: the same seed gives the same draw.
+    `time` has shape (n,) or (days, n), and increases along the last axis; the flows have the same shape.
     """
 
-    time: Floats
-    inflow: Floats
-    outflow: Floats | None
+    time: Floats  #: sample times [s] since midnight, local time, of `first_day`; below 0 it is lead time
+    inflow: Floats  #: logged commands [m3/s]
+    outflow: Floats | None  #: the same; None before the operators are simulated
     first_day: dt.date
-    sample_time: float
-    level: float
-    flow: float
-    seed: tuple[int, ...] = (0,)
+    sample_time: float  #: T_s [s]
+    level: float  #: usual level at the gauge [m]: reference of level-dependent effects
+    flow: float  #: usual discharge [m3/s]
+    seed: tuple[int, ...] = (0,)  #: for random effects: the same seed gives the same draw
 
     def rng(self, stream: int = 0) -> np.random.Generator:
         """Random generator of a stream."""
@@ -135,49 +120,6 @@ class Effect(ABC):
     A subclass is a frozen dataclass; its fields, made by :func:`quantity`, are its parameters. `rivid
     simulate` applies it and `rivid diagnose` searches for it; all that either needs stands on the class.
 
-    Attributes
-    ----------
-    name : str
-        Canonical name.
-    family : {"flow", "timing", "level"}
-    sentence : str
-        Description in one sentence.
-    looks : str
-        How it appears in the logs.
-    windowed : bool
-        Whether it may be limited to dates and hours.
-    acts_on_river : bool
-        Whether it is possible in a reach of `kind = "river"`, which has neither an outflow nor a level.
-    acts_on_pool : bool
-        Whether it is possible in any other reach.
-    needs_dates : bool
-        Whether without dates it is part of the response, as a clock that was always off is a travel time.
-    repeatable : bool
-        Whether a diagnosis may name it more than once.
-    varies_with_date : str
-        Parameter that may hold several values spread over the dates, if any.
-    stepwise : tuple of str
-        Parameters in which the output changes in steps; they are found by trying values.
-    found_as : {"", "recession", "pulse", "jump", "level noise", "swing"}
-        Search of the diagnosis that finds it, in addition to its trials. Recessions, pulses and jumps are
-        events and need :meth:`from_events`; the other searches set the parameters of `wind_setup` and
-        `seiche`.
-    twins : tuple of str
-        Effects with nearly the same column: when one is in the model, its remainder is not named another.
-    linear_trials : dict of str to float
-        Parameters that the effect is proportional to, and the small value of each at which the diagnosis
-        computes its column.
-    sized_trials : dict of str to tuple of float
-        Other parameters, and the sizes at which the diagnosis tries each.
-    set_right : bool
-        Whether its linear trial is an error of the gauge that grows with the days, and is gone at the
-        midnight after its last date.
-    trial_dates, trial_sign : str, int
-        Windows that these trials scan, and sign of the coefficient of linear ones.
-    confounded_with : dict of str to str
-        Effects that data of normal operation may not separate from this one, each with the measurement or
-        gate operation that does. One of the two classes suffices.
-
     Parameters
     ----------
     dates : (datetime.date, datetime.date) or None
@@ -186,24 +128,35 @@ class Effect(ABC):
         Hours of the day between which it is there; (22, 6) passes midnight; None is always.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str]  #: canonical name
     family: ClassVar[Family]
-    sentence: ClassVar[str]
-    looks: ClassVar[str]
-    windowed: ClassVar[bool] = True
-    acts_on_river: ClassVar[bool] = True
-    acts_on_pool: ClassVar[bool] = True
+    sentence: ClassVar[str]  #: description in one sentence
+    looks: ClassVar[str]  #: how it appears in the logs
+    windowed: ClassVar[bool] = True  #: it may be limited to dates and hours
+    acts_on_river: ClassVar[bool] = True  #: possible in a river, which has neither an outflow nor a level
+    acts_on_pool: ClassVar[bool] = True  #: possible in any other reach
+    #: without dates it is part of the response, as a clock that was always off is a travel time
     needs_dates: ClassVar[bool] = False
-    repeatable: ClassVar[bool] = False
-    varies_with_date: ClassVar[str] = ""
+    repeatable: ClassVar[bool] = False  #: a diagnosis may name it more than once
+    varies_with_date: ClassVar[str] = ""  #: parameter that may hold several values spread over the dates
+    #: parameters in which the output changes in steps; they are found by trying values
     stepwise: ClassVar[tuple[str, ...]] = ()
+    #: search of the diagnosis that finds it, in addition to its trials. Recessions, pulses and jumps are
+    #: events and need :meth:`from_events`; the others set the parameters of `wind_setup` and `seiche`
     found_as: ClassVar[FoundAs] = ""
+    #: effects with nearly the same column: when one is in the model, its remainder is not named another
     twins: ClassVar[tuple[str, ...]] = ()
+    #: parameters that it is proportional to, and the small value of each at which its column is computed
     linear_trials: ClassVar[dict[str, float]] = {}
+    #: other parameters, and the sizes at which the diagnosis tries each
     sized_trials: ClassVar[dict[str, tuple[float, ...]]] = {}
+    #: its linear trial is an error of the gauge that grows with the days, and is gone at the midnight after
+    #: its last date
     set_right: ClassVar[bool] = False
-    trial_dates: ClassVar[Dates] = "all"
-    trial_sign: ClassVar[int] = 0
+    trial_dates: ClassVar[Dates] = "all"  #: windows that these trials scan
+    trial_sign: ClassVar[int] = 0  #: that the coefficient of the linear ones must have
+    #: effects that data of normal operation may not separate from it, each with the measurement or gate
+    #: operation that does; one of the two classes suffices
     confounded_with: ClassVar[dict[str, str]] = {}
 
     dates: tuple[dt.date, dt.date] | None = None
@@ -244,16 +197,14 @@ class Effect(ABC):
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:
         """Unit, limits and meaning of each parameter, by name."""
-        return {f.name: f.metadata["quantity"] for f in cls._quantities()}
+        return {f.name: f.metadata["quantity"] for f in fields(cls) if "quantity" in f.metadata}
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Usual value of each parameter."""
-        return {f.name: f.default for f in cls._quantities() if f.default is not MISSING}
-
-    @classmethod
-    def _quantities(cls) -> list[Field[Any]]:
-        return [f for f in fields(cls) if "quantity" in f.metadata]
+        return {
+            f.name: f.default for f in fields(cls) if "quantity" in f.metadata and f.default is not MISSING
+        }
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> Self:
@@ -265,13 +216,10 @@ class Effect(ABC):
                 raise ConfigError(f"{cls.name}: unknown key {key!r}: expected {', '.join(valid)}")
         if "dates" in given:
             given["dates"] = _two_dates(cls.name, given["dates"])
-        if "hours" in given and (
-            not isinstance(given["hours"], tuple)
-            or len(given["hours"]) != 2
-            or not all(isinstance(h, int | float) for h in given["hours"])
-        ):
-            raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
-        return cls(**given)
+        match given.get("hours", (0, 24)):
+            case (int() | float(), int() | float()):
+                return cls(**given)
+        raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
 
     def with_values(self, **values: Any) -> Self:
         """The same effect with other values of some parameters."""
@@ -279,15 +227,10 @@ class Effect(ABC):
 
     def to_table(self) -> dict[str, Any]:
         """The effect as a table of a configuration."""
-        table: dict[str, Any] = {"name": self.name}
-        for one in self.parameters():
-            value = getattr(self, one)
-            table[one] = list(value) if isinstance(value, tuple) else value
-        if self.dates is not None:
-            table["dates"] = list(self.dates)
-        if self.hours is not None:
-            table["hours"] = list(self.hours)
-        return table
+        windows = [key for key in ("dates", "hours") if getattr(self, key) is not None]
+        values = {key: getattr(self, key) for key in (*self.parameters(), *windows)}
+        listed = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+        return {"name": self.name} | listed
 
     def active(self, world: World) -> Floats:
         """1 where dates and hours allow the effect, 0 elsewhere; shape of the time grid."""
@@ -318,12 +261,9 @@ class Effect(ABC):
         if cls.found_as in ("jump", *LEVEL_NOISES) or set(cls.parameters()) - set(usual) or not free:
             return []
         key, size = free[0], float(usual[free[0]])
-
-        def make(c: Floats) -> Effect:
-            values: dict[str, Any] = {key: cls.clipped(key, float(c[0]) * size)}
-            return cls(**values)
-
-        return [Trial(cls.name, "usual size", (cls(),), (1.0,), make, free)]
+        return [
+            Trial(cls.name, "usual size", (cls(),), (1.0,), lambda c: cls.with_size(key, c[0] * size), free)
+        ]
 
     @classmethod
     def linear_trial(
@@ -333,9 +273,9 @@ class Effect(ABC):
         """A trial with the parameter `key` as its coefficient; its column is computed at the value `unit`."""
 
         def make(c: Floats) -> Effect:
-            return cls(**{**fixed, key: cls.clipped(key, float(c[0]))})
+            return cls.with_size(key, c[0], **fixed)
 
-        small = cls(**{**fixed, key: unit})
+        small = cls(**fixed | {key: unit})
         return Trial(cls.name, _label(fixed) or key, (small,), (unit,), make, (key, *also), dates, sign)
 
     @classmethod
@@ -350,20 +290,24 @@ class Effect(ABC):
         """
 
         def make(c: Floats) -> Effect:
-            share = float(np.clip(c[0], 1.0 / within, within))
-            return cls(**{**fixed, key: cls.clipped(key, share * size)})
+            return cls.with_size(key, float(np.clip(c[0], 1.0 / within, within)) * size, **fixed)
 
-        at = cls(**{**fixed, key: size})
-        return Trial(cls.name, _label({**fixed, key: size}), (at,), (1.0,), make, (key, *also), dates, 1)
+        values = fixed | {key: size}
+        return Trial(cls.name, _label(values), (cls(**values),), (1.0,), make, (key, *also), dates, 1)
 
     @classmethod
     def hourly_trial(cls, dam: Literal["up", "down"], **fixed: Any) -> Trial:
         """A trial of a release of one `size` at a dam in a run of hours of the day."""
 
         def make(c: Floats) -> Effect:
-            return cls(**{**fixed, "size": cls.clipped("size", float(c[0]))})
+            return cls.with_size("size", c[0], **fixed)
 
         return Trial(cls.name, "hours", (), (), make, ("size",), "between", 1, dam)
+
+    @classmethod
+    def with_size(cls, key: str, value: float, **others: Any) -> Self:
+        """The effect with a value of the parameter `key`, within its limits, and other parameters."""
+        return cls(**others | {key: cls.clipped(key, value)})
 
     @classmethod
     def clipped(cls, key: str, value: float) -> float:

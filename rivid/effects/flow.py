@@ -1,9 +1,10 @@
 """Effects on flows and storage: inflows, releases, gain errors, leakage, storage."""
 
 import datetime as dt
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -48,45 +49,63 @@ class _FlowOverDates(_Flow):
         return size * self.active(world)
 
 
-def check_given(effect: Any, *keys: str) -> None:
-    """Raise ConfigError where a parameter of several values does not have one for each of the `starts`."""
-    for key in keys:
-        value, n = getattr(effect, key), len(effect.starts)
-        if isinstance(value, tuple) and len(value) != n:
-            raise ConfigError(
-                f"{effect.name}: {key} has {len(value)} values for {n} starts: expected one number, "
-                "or one for each start"
-            )
+class _Events(_Flow):
+    """A flow in events: at given starts, or `per_day` of them are drawn."""
 
+    columns: ClassVar[dict[str, str]]  # parameters with a value for each event, the size first; in the truth
+    drawn_size: ClassVar[bool] = False  # whether the size of a drawn event is exponential, not its mean
+    starts: tuple[float, ...]
 
-def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[Floats]:
-    """Beginning [s], unit exponential draw (1 where starts are given) and sizes of each event.
+    @property
+    @abstractmethod
+    def per_day(self) -> float:
+        """Mean number of events that are drawn."""
 
-    Given starts are limited to the effect's dates and hours. Otherwise each day of the dates draws a Poisson
-    number of events within the hours from a generator of its own, so that a longer record holds the same
-    events and more.
-    """
-    if effect.starts:
-        starts = HOUR * np.ravel(effect.starts).astype(float)
-        n, there = len(starts), effect.allows(starts, world)
-        return [starts[there], *(np.broadcast_to(x, (n,))[there].astype(float) for x in (1.0, *sizes))]
-    after, until = effect.hours or (0.0, 24.0)
-    width = 24.0 if (after, until) == (0.0, 24.0) else float(np.mod(until - after, 24.0))
-    starts = draws = np.empty(0)
-    for day in range(int(np.floor(world.time.min() / DAY)), int(np.floor(world.time.max() / DAY)) + 1):
-        date = world.first_day + dt.timedelta(days=day)
-        if effect.dates is None or effect.dates[0] <= date <= effect.dates[1]:
-            rng = world.rng(date.toordinal())
-            at = np.sort(np.mod(after + width * rng.random(rng.poisson(per_day)), 24.0)) * HOUR
-            starts = np.concatenate([starts, day * DAY + at])
-            draws = np.concatenate([draws, rng.exponential(size=len(at))])
-    return [starts, draws, *(np.full(len(starts), x, float) for x in sizes)]
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        starts: Any = self.starts
+        if not isinstance(starts, tuple):  # of a table: one may be a number
+            object.__setattr__(self, "starts", (starts,))
+        for key in self.columns:
+            value, n = getattr(self, key), len(self.starts)
+            if isinstance(value, tuple) and len(value) != n:
+                raise ConfigError(
+                    f"{self.name}: {key} has {len(value)} values for {n} starts: expected one number, "
+                    "or one for each start"
+                )
 
+    def events(self, world: World) -> list[dict[str, float]]:
+        """The events in order: beginning [h since the first day's midnight], size [m3/s], times [h]."""
+        start, size, *times = self._events(world)
+        names = ("start_h", *self.columns.values())
+        rows = np.stack([start / HOUR, size, *(time / HOUR for time in times)], axis=1).tolist()
+        return [dict(zip(names, row, strict=True)) for row in rows]
 
-def as_rows(**columns: Floats) -> list[dict[str, float]]:
-    """A mapping for each event."""
-    rows = np.stack(list(columns.values()), axis=1).tolist()
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+    def _events(self, world: World) -> list[Floats]:
+        """Beginning [s], size [m3/s] and times [s] of each event.
+
+        Given starts are limited to the effect's dates and hours. Otherwise each day of the dates draws a
+        Poisson number of events within the hours from a generator of its own, so that a longer record holds
+        the same events and more.
+        """
+        values = [getattr(self, key) for key in self.columns]
+        if self.starts:
+            starts = HOUR * np.array(self.starts, float)
+            there = self.allows(starts, world)
+            size, *times = (np.broadcast_to(x, starts.shape)[there].astype(float) for x in values)
+            return [starts[there], size, *(HOUR * time for time in times)]
+        after, until = self.hours or (0.0, 24.0)
+        width = 24.0 if (after, until) == (0.0, 24.0) else float(np.mod(until - after, 24.0))
+        starts = draws = np.empty(0)
+        for day in range(int(np.floor(world.time.min() / DAY)), int(np.floor(world.time.max() / DAY)) + 1):
+            date = world.first_day + dt.timedelta(days=day)
+            if self.dates is None or self.dates[0] <= date <= self.dates[1]:
+                rng = world.rng(date.toordinal())
+                at = np.sort(np.mod(after + width * rng.random(rng.poisson(self.per_day)), 24.0)) * HOUR
+                starts = np.concatenate([starts, day * DAY + at])
+                draws = np.concatenate([draws, rng.exponential(size=len(at))])
+        size, *times = (np.full(len(starts), x, float) for x in values)
+        return [starts, size * draws if self.drawn_size else size, *(HOUR * time for time in times)]
 
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
@@ -200,7 +219,7 @@ class RecurringFlow(_Flow):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RainInflow(_Flow):
+class RainInflow(_Events):
     """``flow at the place += peak x shape``: a straight rise, then ``exp(-t / recession)``.
 
     Dates and hours say when an event may begin; its recession runs on.
@@ -208,6 +227,8 @@ class RainInflow(_Flow):
 
     name = "rain_inflow"
     found_as = "recession"
+    columns = {"peak": "peak_m3s", "rise": "rise_h", "recession": "recession_h"}
+    drawn_size = True
     confounded_with = {
         "unlogged_upstream_release": (
             "Compare the dates found with the rain gauge of the catchment and the upstream dam's spill book."
@@ -228,22 +249,17 @@ class RainInflow(_Flow):
     recession: Sizes = quantity(9.0, "h", 0.05, 2400.0, "time in which a fall by 1/e takes place", many=True)
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_given(self, "peak", "rise", "recession")
+    @property
+    def per_day(self) -> float:
+        return self.per_month / 30.0
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "RainInflow":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
         return []
-
-    def events(self, world: World) -> list[dict[str, float]]:
-        """The events in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
-        start, peak, rise, recession = self._events(world)
-        return as_rows(start_h=start / HOUR, peak_m3s=peak, rise_h=rise / HOUR, recession_h=recession / HOUR)
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
@@ -255,13 +271,6 @@ class RainInflow(_Flow):
 
             flow += peak * world.mean_of(volume)
         return Changes(added=(AddedFlow(self.place, flow),))
-
-    def _events(self, world: World) -> tuple[Floats, Floats, Floats, Floats]:
-        """Beginning [s], peak [m3/s], rise and recession [s] of each event."""
-        start, draw, peak, rise, recession = events_of(
-            self, self.per_month / 30.0, world, self.peak, self.rise, self.recession
-        )
-        return start, peak * draw, HOUR * rise, HOUR * recession
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,7 +308,7 @@ class UnloggedUpstreamRelease(_FlowOverDates):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnloggedDownstreamRelease(_Flow):
+class UnloggedDownstreamRelease(_Events):
     """``real outflow = logged outflow + size`` during pulses, or all through dates and hours.
 
     Dates and hours say when a pulse may begin; it lasts its duration.
@@ -309,6 +318,7 @@ class UnloggedDownstreamRelease(_Flow):
     acts_on_river = False
     repeatable = True
     found_as = "pulse"
+    columns = {"size": "size_m3s", "duration": "duration_h"}
     sentence = "The downstream dam lets water through besides what is logged: a lock, a spill, a pump."
     looks = (
         "The level falls at once and for a short time, again and again by the same volume (a lock), or at "
@@ -322,24 +332,13 @@ class UnloggedDownstreamRelease(_Flow):
     )
     duration: Sizes = quantity(0.5, "h", 0.001, 2400.0, "how long a pulse lasts", many=True)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_given(self, "size", "duration")
-
     @classmethod
-    def from_events(
-        cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes
-    ) -> "UnloggedDownstreamRelease":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
         return [cls.hourly_trial("down", per_day=0.0)]
-
-    def events(self, world: World) -> list[dict[str, float]]:
-        """The pulses in order: beginning [h since the first day's midnight], size [m3/s], length [h]."""
-        start, size, length = self._events(world)
-        return as_rows(start_h=start / HOUR, size_m3s=size, duration_h=length / HOUR)
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
@@ -353,11 +352,6 @@ class UnloggedDownstreamRelease(_Flow):
             passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
             flow += world.mean_of(lambda t: np.interp(t, knots, passed))
         return Changes(added=(AddedFlow(1.0, -flow),))
-
-    def _events(self, world: World) -> tuple[Floats, Floats, Floats]:
-        """Beginning [s], size [m3/s] and length [s] of each pulse."""
-        start, _, size, duration = events_of(self, self.per_day, world, self.size, self.duration)
-        return start, size, HOUR * duration
 
 
 @dataclass(frozen=True, kw_only=True)

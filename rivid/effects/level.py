@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -110,7 +111,7 @@ class SensorStep(_Level):
             )
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "SensorStep":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> Self:
         return cls(step=tuple(sizes), start=tuple(starts))
 
     def changes(self, world: World) -> Changes:
@@ -127,9 +128,6 @@ class UnsteadyGauge(SensorStep):
     name = ""
 
 
-_GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating."
-
-
 @dataclass(frozen=True, kw_only=True)
 class RatingShift(_Level):
     """``read discharge = (1 + error) discharge + offset usual discharge``, within dates.
@@ -140,7 +138,8 @@ class RatingShift(_Level):
     name = "rating_shift"
     acts_on_pool = False
     confounded_with = dict.fromkeys(
-        ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"), _GAUGE_IT
+        ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"),
+        "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating.",
     )
     sentence = (
         "The lower gauge's rating is off: its bed has shifted, or weed grows, since it was last gauged."

@@ -4,10 +4,11 @@ import importlib.util
 import inspect
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 from zlib import crc32
@@ -34,10 +35,8 @@ def effect_classes(path: Path | None = None) -> dict[str, type[Effect]]:
     """
     found = dict(CATALOGUE)
     origin = dict.fromkeys(found, "the catalogue")
-    sources: list[tuple[str, type[Effect]]] = _from_entry_points()
-    if path is not None:
-        sources += [(str(path), one) for one in _from_file(path)]
-    for where, one in sources:
+    of_file = () if path is None else ((str(path), one) for one in _from_file(path))
+    for where, one in chain(_from_entry_points(), of_file):
         _check_class(where, one)
         if one.name in found:
             raise ConfigError(
@@ -75,8 +74,7 @@ def changes_of(effects: Sequence[Effect], world: World) -> Changes:
     return together(changes for _, changes in _in_turn(effects, world))
 
 
-def _in_turn(effects: Sequence[Effect], world: World) -> list[tuple[World, Changes]]:
-    steps = []
+def _in_turn(effects: Sequence[Effect], world: World) -> Iterator[tuple[World, Changes]]:
     inflow, count = world.inflow, dict[str, int]()
     for effect in effects:
         count[effect.name] = count.get(effect.name, 0) + 1
@@ -85,18 +83,12 @@ def _in_turn(effects: Sequence[Effect], world: World) -> list[tuple[World, Chang
         changes = effect.changes(seen)
         if changes.inflow is not None:
             inflow = changes.inflow
-        steps.append((seen, changes))
-    return steps
+        yield seen, changes
 
 
-GROUP = "rivid.effects"
-"""Entry points of this group are effects, each a subclass of :class:`Effect`."""
-
-
-def _from_entry_points() -> list[tuple[str, type[Effect]]]:
-    """Origin and class of each effect of an installed package."""
-    found = []
-    for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, p.value)):
+def _from_entry_points() -> Iterator[tuple[str, type[Effect]]]:
+    """Origin and class of each effect of an installed package: its entry points of this group."""
+    for point in sorted(entry_points(group="rivid.effects"), key=lambda p: (p.name, p.value)):
         where = f"entry point {point.name} = {point.value}"
         try:
             one = point.load()
@@ -106,8 +98,7 @@ def _from_entry_points() -> list[tuple[str, type[Effect]]]:
             ) from None
         if not (isinstance(one, type) and issubclass(one, Effect)):
             raise ConfigError(f"{where} is {one!r}: expected a subclass of rivid.effects.Effect")
-        found.append((where, one))
-    return found
+        yield where, one
 
 
 def _from_file(path: Path) -> tuple[type[Effect], ...]:

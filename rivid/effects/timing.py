@@ -36,12 +36,9 @@ class FlowDependentDelay(_Timing):
     )
 
     delay: float = quantity(
-        -0.5,
-        "s per m3/s",
-        -100.0,
-        100.0,
+        -0.5, "s per m3/s", -100.0, 100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
-    )
+    )  # fmt: skip
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
@@ -121,7 +118,6 @@ class ClockOffset(_Timing):
     )
 
     offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
-
     drift: float = quantity(0.0, "s/day", -3600.0, 3600.0, "what it gains a day from the first date on")
 
     @classmethod

@@ -65,16 +65,21 @@ NO_OPERATORS = OperatorArrays(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The outflow commands are given."""
 
 
-def on_grid(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Values for every sample of a (days, n) grid; RividError where they do not fit it, or are NaN."""
+def on_grid(what: str, values: ArrayLike, shape: tuple[int, ...], *, infinite: bool = False) -> Floats:
+    """Values for every sample of a (n,) or (days, n) grid, an array of its own.
+
+    RividError where they do not fit it, are NaN, or infinite where that is not allowed.
+    """
     given = np.asarray(values, float)
     try:
         rows = np.array(np.broadcast_to(given, shape), order="C")
     except ValueError:
         raise RividError(f"{what} has shape {given.shape}: expected {shape} like the inflow") from None
-    if np.isnan(rows).any():
-        day, k = np.argwhere(np.isnan(rows))[0]
-        raise RividError(f"{what} is {rows[day, k]} in row {day}, sample {k}: expected a number")
+    wrong = np.isnan(rows) if infinite else ~np.isfinite(rows)
+    if wrong.any():
+        *day, k = np.argwhere(wrong)[0]
+        where = f"row {day[0]}, " if day else ""
+        raise RividError(f"{what} is {rows[*day, k]} in {where}sample {k}: expected a number")
     return rows
 
 
@@ -85,7 +90,7 @@ def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
         return GateArrays(True, *(np.zeros((1, 1)),) * 5, 0.0)
 
     def rows(name: str, values: Floats) -> Floats:
-        return on_grid(f"the gate's {name}", values, shape)
+        return on_grid(f"the gate's {name}", values, shape, infinite=True)
 
     return GateArrays(
         False, rows("dead-band", gate.dead_band), rows("rate", gate.rate), rows("lag", gate.lag),
@@ -153,7 +158,7 @@ def gate_flow(
         state[TARGET] = command
     way, rate = state[TARGET] - state[POSITION], gate.rate[day, k]
     if abs(way) <= rate * dt:
-        mean = state[TARGET] if np.isinf(rate) else state[TARGET] - 0.5 * way * abs(way) / (rate * dt)
+        mean = state[TARGET] - 0.5 * way * abs(way) / (rate * dt)
         state[POSITION] = state[TARGET]
     else:
         step = np.copysign(rate * dt, way)

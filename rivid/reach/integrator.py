@@ -47,13 +47,9 @@ class LinearReach:
 
 
 def theoretical_fir(
-    order: int,
-    delay: int,
-    alpha_i: float,
-    alpha_o: float,
-    feedforward: float = 1.0,
+    order: int, delay: int, alpha_i: float, alpha_o: float, feedforward: float = 1.0,
     level_gain: float = -1000.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Impulse response of the regulated reach from inflow to level (10), Fig. 10, (order,) [m per m3/s].
 
     `delay` is d [samples], `alpha_i` and `alpha_o` are K_i T_s / A and K_o T_s / A [m per m3/s],
@@ -75,20 +71,10 @@ def theoretical_fir(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def hold(
-    time: Floats,
-    volume: Floats,
-    outflow: Floats,
-    gate: GateArrays,
-    exchange: ExchangeArrays,
-    operators: OperatorArrays,
-    outflow_gain: float,
-    surface_area: float,
-    area_slope: float,
-    area_reference: float,
-    start: float,
-    level: Floats,
-    released: Floats,
-) -> None:
+    time: Floats, volume: Floats, outflow: Floats, gate: GateArrays, exchange: ExchangeArrays,
+    operators: OperatorArrays, outflow_gain: float, surface_area: float, area_slope: float,
+    area_reference: float, start: float, level: Floats, released: Floats,
+) -> None:  # fmt: skip
     """Write the level and the real outflow, and the command where operators give it.
 
     `volume` is what has come to the dam at each sample [m3]; the rest is as in
@@ -128,12 +114,7 @@ def hold(
 
 
 def supply(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    travel_time: ArrayLike,
-    before: float,
-    changes: Changes = NO_CHANGES,
+    reach: LinearReach, time: Floats, inflow: Floats, travel_time: ArrayLike, before: float, changes: Changes
 ) -> Floats:
     """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
 
@@ -158,16 +139,9 @@ def supply(
 
 
 def pool_level(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    outflow: Floats | OperatorArrays,
-    travel_time: ArrayLike,
-    *,
-    start: float = 0.0,
-    before: float = 0.0,
-    changes: Changes = NO_CHANGES,
-) -> tuple[Floats, Floats, Floats]:
+    reach: LinearReach, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays,
+    travel_time: ArrayLike, *, start: float = 0.0, before: float = 0.0, changes: Changes = NO_CHANGES,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Level of the pool, (7), for known commands or for operators who command the outflow.
 
     `time` [s] and the commands `inflow` and `outflow` [m3/s] have shape (n,); an outflow is held, or given by
@@ -180,13 +154,15 @@ def pool_level(
     pool runs dry of surface: `area_slope` and level do not fit.
     """
     n = len(time)
-    operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
-    given = np.zeros(n) if isinstance(outflow, OperatorArrays) else np.array(outflow, float)
+    if isinstance(outflow, OperatorArrays):
+        operators, given = outflow, np.zeros(n)
+        if len(operators.inflow) != n:
+            raise RividError(f"operators for {len(operators.inflow)} samples: expected {n} like the times")
+    else:
+        operators, given = NO_OPERATORS, np.array(outflow, float)
     for name, values in (("inflow", inflow), ("outflow", given)):
         if np.shape(values) != (n,):
             raise RividError(f"{name} has shape {np.shape(values)}: expected ({n},) like the times")
-    if isinstance(outflow, OperatorArrays) and len(operators.inflow) != n:
-        raise RividError(f"operators for {len(operators.inflow)} samples: expected {n} like the times")
     level, released = np.empty(n), np.empty(n)
     hold(
         np.asarray(time, float), supply(reach, time, inflow, travel_time, before, changes), given,

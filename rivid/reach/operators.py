@@ -90,28 +90,20 @@ def quantise(values: Floats, quantum: float) -> Floats:
 
 
 def operator_arrays(
-    time: Floats,
-    inflow: Floats,
-    disturbance: Floats,
-    set_point: Floats,
-    settings: OperatorSettings,
-    crew: Crew,
-    duty: Ints,
-    *,
-    gauge_quantum: float,
-    rng: np.random.Generator,
-) -> OperatorArrays:
+    inflow: Floats, disturbance: Floats, set_point: Floats, settings: OperatorSettings, crew: Crew,
+    duty: Ints, *, gauge_quantum: float, rng: np.random.Generator,
+) -> OperatorArrays:  # fmt: skip
     """Operators of a season, for :func:`rivid.reach.integrator.pool_level` or the Saint-Venant reach.
 
-    All series have shape (n,): sample times [s], announced inflow command u_Qi [m3/s], reading of the gauge
-    minus level and level aimed at [m], and the operator on duty (:func:`roster`). `gauge_quantum` is the step
-    of the reading [m], 0 for none; `rng` draws the times between looks.
+    All series have shape (n,): announced inflow command u_Qi [m3/s], reading of the gauge minus level and
+    level aimed at [m], and the operator on duty (:func:`roster`). `gauge_quantum` is the step of the reading
+    [m], 0 for none; `rng` draws the times between looks.
     """
     feedforward, level_gain, offset = (gain[duty] for gain in crew)
     s = settings
     return OperatorArrays(
         inflow=inflow, disturbance=disturbance, aim=set_point + offset, feedforward=feedforward,
-        level_gain=level_gain, wait=rng.uniform(*s.look, len(time)), dead_band=s.dead_band,
+        level_gain=level_gain, wait=rng.uniform(*s.look, len(inflow)), dead_band=s.dead_band,
         trim_time=s.trim_time, notice=s.notice, quantum=s.quantum, lowest=s.lowest,
         gauge_quantum=gauge_quantum,
     )  # fmt: skip

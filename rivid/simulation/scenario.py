@@ -18,9 +18,6 @@ from rivid.reach.operators import OperatorSettings
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Hour = Annotated[float, Field(ge=0, lt=24)]
-Format = Literal["csv", "csv.gz", "parquet"]
-Layout = Literal["day", "month"]
 
 
 class ReachScenario(ReachConfig):
@@ -124,7 +121,7 @@ class OperatorsScenario(Section):
     notice: NotNegative = OperatorSettings.notice
     quantum: NotNegative = OperatorSettings.quantum
     lowest: NotNegative = OperatorSettings.lowest
-    shift_start: Hour = OperatorSettings.shift_start
+    shift_start: Annotated[float, Field(ge=0, lt=24)] = OperatorSettings.shift_start
     people: Annotated[int, Field(ge=1, le=1000)] = OperatorSettings.people
 
     @field_validator("look")
@@ -169,8 +166,8 @@ class WeatherScenario(Section):
 class OutputScenario(Section):
     """`[output]`: the daily logs."""
 
-    format: Annotated[Format, Means("of the files")] = "parquet"
-    layout: Annotated[Layout, Means("a file a day, or a file a month")] = "day"
+    format: Annotated[Literal["csv", "csv.gz", "parquet"], Means("of the files")] = "parquet"
+    layout: Annotated[Literal["day", "month"], Means("a file a day, or a file a month")] = "day"
 
 
 def _an_effect(table: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:

@@ -62,11 +62,7 @@ def daily_flow(flow: FlowScenario, first_day: dt.date, days: int, rng: np.random
 
 
 def programme(
-    scenario: ProgrammeScenario,
-    time: Floats,
-    means: Floats,
-    weekdays: NDArray[np.intp],
-    rng: np.random.Generator,
+    p: ProgrammeScenario, time: Floats, means: Floats, weekdays: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
     """Inflow commands u_Qi in whole quanta [m3/s], held from each sample to the next, shape (n,).
 
@@ -75,7 +71,6 @@ def programme(
     little every day and are joined across midnight. On top lie corrections, the share of the load's unrest
     that this dam takes. The dispatcher acts on some samples only, in steps that the ramp limits.
     """
-    p = scenario
     days = len(means)
     swing = p.swing * np.exp(p.swing_spread * rng.standard_normal(days) - p.swing_spread**2 / 2)
     swing *= np.where(weekdays >= 5, p.weekend, 1.0)
@@ -87,18 +82,11 @@ def programme(
     river = np.interp(time, DAY * (np.arange(days) + 0.5), means)
     step = float(np.median(np.diff(time)))
     unrest = p.corrections * ar1(len(time), step, p.correction_memory, rng)
-    target = np.maximum(river + load + unrest, p.lowest)
-    return _dispatch(p, target, rng.random(len(time)) < p.activity)
-
-
-def _dispatch(p: ProgrammeScenario, target: Floats, acts: NDArray[np.bool_]) -> Floats:
-    """Follow the target on the samples where the dispatcher acts, in whole quanta and limited steps."""
-    wanted = np.round(target / p.quantum).tolist()
+    wanted = np.round(np.maximum(river + load + unrest, p.lowest) / p.quantum).tolist()
     most = max(round(p.ramp / p.quantum), 1)
-    now = wanted[0]
-    units = []
-    for want, act in zip(wanted, acts.tolist(), strict=True):
-        if act:
+    now, units = wanted[0], []
+    for want, chance in zip(wanted, rng.random(len(time)).tolist(), strict=True):
+        if chance < p.activity:
             now += min(max(want - now, -most), most)
         units.append(now)
     return np.asarray(units) * p.quantum
@@ -172,14 +160,9 @@ class Water:
         return arrival_time(self.channel, flow, level)
 
     def run(
-        self,
-        time: Floats,
-        inflow: Floats,
-        outflow: Floats | OperatorArrays,
-        usual_flow: Floats,
-        changes: Changes,
-        start: float,
-    ) -> tuple[Floats, Floats, Floats]:
+        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
+        changes: Changes, start: float,
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
         """Level, commanded and real outflow, from the logged inflow and the outflow's commands or operators.
 
         The linear reach's travel time follows `usual_flow` [m3/s]; `start` is the first level [m]. Raises
@@ -217,68 +200,30 @@ EDGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Season:
-    """Days of logs and their truth, in date order; missing days are left out.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        Scenario of the season.
-    seed : int
-        Seed of the season.
-    dates : tuple of datetime.date
-        One per row.
-    seconds : ndarray, shape (N,)
-        Sample times after local midnight [s]: k T_s, the last step of the day being shorter.
-    inflow, outflow : ndarray, shape (days, N)
-        Commands u_Qi and u_Qo [m3/s].
-    level : ndarray, shape (days, N)
-        Gauge reading h_L [m]; NaN where it is missing.
-    true_level : ndarray, shape (days, N)
-        True level [m].
-    weather : ndarray, shape (days, N)
-        Unlogged random inflow [m3/s].
-    travel_time : ndarray, shape (days,)
-        True travel time at the day's mean inflow [s].
-    delay : ndarray of int, shape (days,)
-        True delay d [samples]; see :func:`true_delay`.
-    delay_other : ndarray of int, shape (days,)
-        The other right answer where `near_edge`, the same elsewhere.
-    near_edge : ndarray of bool, shape (days,)
-        The travel time is close to a whole number of samples.
-    real_inflow, real_outflow : ndarray, shape (days, N)
-        What the dams really let through [m3/s].
-    unlogged : ndarray, shape (days, N)
-        Sum of all flows other than through the dams that do not depend on the level, weather included [m3/s].
-    effects : tuple of Effect
-        Effects that were simulated.
-    world : World
-        Input of the effects, lead time included.
-    place : int
-        Number of the reach in its cascade, from 0.
-    all_outflow : ndarray, shape (n,)
-        Outflow commands of all days, lead time and missing days included [m3/s].
-    """
+    """Days of logs and their truth, in date order; missing days are left out."""
 
     scenario: Scenario
     seed: int
-    dates: tuple[dt.date, ...]
-    seconds: Floats
-    inflow: Floats
-    outflow: Floats
-    level: Floats
-    true_level: Floats
-    weather: Floats
-    travel_time: Floats
-    delay: Ints
-    delay_other: Ints
-    near_edge: NDArray[np.bool_]
-    real_inflow: Floats
-    real_outflow: Floats
+    dates: tuple[dt.date, ...]  #: one per row
+    seconds: Floats  #: sample times after local midnight [s]: k T_s, the day's last step being shorter, (N,)
+    inflow: Floats  #: commands u_Qi [m3/s], (days, N)
+    outflow: Floats  #: commands u_Qo [m3/s], (days, N)
+    level: Floats  #: gauge reading h_L [m]; NaN where it is missing, (days, N)
+    true_level: Floats  #: true level [m], (days, N)
+    weather: Floats  #: unlogged random inflow [m3/s], (days, N)
+    travel_time: Floats  #: true travel time at the day's mean inflow [s], (days,)
+    delay: Ints  #: true delay d [samples]; see :func:`true_delay`, (days,)
+    delay_other: Ints  #: the other right answer where `near_edge`, the same elsewhere, (days,)
+    near_edge: NDArray[np.bool_]  #: the travel time is close to a whole number of samples, (days,)
+    real_inflow: Floats  #: what the upstream dam really lets through [m3/s], (days, N)
+    real_outflow: Floats  #: the same of the downstream dam [m3/s], (days, N)
+    #: sum of all flows other than through the dams that do not depend on the level, weather included [m3/s],
+    #: (days, N)
     unlogged: Floats
-    effects: tuple[Effect, ...]
-    world: World
-    place: int
-    all_outflow: Floats
+    effects: tuple[Effect, ...]  #: that were simulated
+    world: World  #: input of the effects, lead time included
+    place: int  #: number of the reach in its cascade, from 0
+    all_outflow: Floats  #: outflow commands of all days, lead time and missing days included [m3/s], (n,)
 
     @property
     def sample_time(self) -> float:
@@ -287,13 +232,9 @@ class Season:
 
 
 def simulate(
-    scenario: Scenario,
-    seed: int | None = None,
-    *,
-    effects: Sequence[Effect] = (),
-    upstream: "Season | None" = None,
-    water: type[Water] = Water,
-) -> Season:
+    scenario: Scenario, seed: int | None = None, *, effects: Sequence[Effect] = (),
+    upstream: "Season | None" = None, water: type[Water] = Water,
+) -> Season:  # fmt: skip
     """Simulate a season of one reach in closed loop; see :func:`simulate_cascade` for several.
 
     The same `seed`, the scenario's own by default, gives the same season; each part of it (river, programme,
@@ -344,7 +285,7 @@ def simulate(
     crew = draw_crew(settings, reach.drop(settings.look[1]), operators_rng)
     duty = roster(time, settings, operators_rng)
     operators = operator_arrays(
-        time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
+        inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
     true, commands, released = reach.run(time, inflow, operators, usual, changes, float(aim[0]))
     level = quantise(stilled(time, true, gauge.lag + asked.well) + noise, gauge.quantum)

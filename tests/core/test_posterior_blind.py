@@ -148,6 +148,13 @@ def test_a_still_day_has_a_reason_and_neighbours_and_units_do_not_matter():
     assert np.array_equal(np.delete(found.probability, 2, 0), np.delete(all_days.probability, 2, 0))
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_level_that_does_not_move_makes_no_warning():
+    u, y, _, _ = linear_days(2, 8)
+    y[1] = 128.0
+    assert posterior_blind(u, y).message[1] == "inflow or level does not move"
+
+
 def test_longer_ranges_need_longer_days():
     u, y, _, _ = wave_days(2, 1, 120)
     assert posterior_blind(u, y, PosteriorSettings(d_max=10, order=20)).candidates[-1] == 10

@@ -18,7 +18,7 @@ from rivid.core.posterior.response import (
     hastened,
     hayami,
     reservoir,
-    response_grid,
+    response_grids,
     responses,
 )
 from rivid.core.settings import RiverSettings
@@ -91,7 +91,7 @@ def test_half_of_every_step_has_arrived_after_t50():
 
 
 def test_blocks_leave_nothing_out():
-    grid = response_grid(RiverSettings(d_max=12))
+    (grid,) = response_grids(RiverSettings(d_max=12))
     left = grid.h.copy()
     for shape, part, lags in grid.blocks:
         left[shape, part, lags] = 0.0

@@ -21,6 +21,7 @@ WRONG = {
     JmapSettings: [
         {"d_max": 28}, {"d_min": 0}, {"d_min": 9, "d_max": 8}, {"alpha": 1e4},
         {"alpha": -1.0, "prior": "uniform"}, {"delay_scale": nan}, {"max_iterations": 1},
+        {"prior": "rayleich"}, {"jumps": "none"},
     ],
     SearchSettings: [{"d_min": 0}, {"d_min": 5, "d_max": 4}, {"d_min": -1, "d_max": -1}],
     CusumSettings: [

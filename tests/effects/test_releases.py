@@ -143,3 +143,9 @@ def test_events_need_one_value_or_one_for_each_start():
             for starts in ((1.0, 2.0, 3.0), ()):
                 with pytest.raises(ConfigError, match=f"{key} has 2 values for {len(starts)} starts"):
                     effect(starts=starts, **{key: (1.0, 2.0)})
+
+
+@pytest.mark.parametrize("effect", [RainInflow, UnloggedDownstreamRelease])
+def test_a_single_start_may_be_a_number(effect):
+    one = effect.from_table({"starts": 3.5})
+    assert one == effect(starts=(3.5,)) and [event["start_h"] for event in one.events(world())] == [3.5]

@@ -26,7 +26,7 @@ def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, changes=None, s
     n = len(inflow)
     aims = np.broadcast_to(aim, n)
     operators = operator_arrays(
-        TIME[:n], inflow, np.zeros(n) if noise is None else noise, aims, settings,
+        inflow, np.zeros(n) if noise is None else noise, aims, settings,
         crew or one_operator(settings), np.zeros(n, int) if duty is None else duty,
         gauge_quantum=quantum, rng=np.random.default_rng(seed),
     )  # fmt: skip

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rivid.core.hydraulics import travel_bounds
+from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate
 from rivid.reach.integrator import LinearReach, pool_level, theoretical_fir
 from rivid.reach.transport import (
@@ -138,3 +139,10 @@ def test_rows_of_one_grid_are_delayed_and_spread_as_row_by_row(delay):
     spread = abs(delay) % 997.0
     together, each = spread_flow(edges, flow, spread, 133.0), spread_flow(apart, flow, spread, 133.0)
     np.testing.assert_allclose(together, each, atol=0.02)
+
+
+def test_a_real_inflow_that_is_no_number_is_refused():
+    time, flow = 133.0 * np.arange(3), np.full(3, 300.0)
+    changes = Changes(inflow=np.array([300.0, np.nan, 300.0]))
+    with pytest.raises(RividError, match="inflow is nan in sample 1: expected a number"):
+        pool_level(REACH, time, flow, flow, 900.0, changes=changes)

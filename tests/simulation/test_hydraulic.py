@@ -83,7 +83,7 @@ def test_the_crew_is_steady_on_any_length(length):
     inflow = np.full(len(time), flow)
     late = np.where(time > 20_000.0, 0.15, 0.0)  # the gauge starts to read too high: the level must fall
     operators = operator_arrays(
-        time, inflow, late, np.full(len(time), level), settings, crew, np.zeros(len(time), int),
+        inflow, late, np.full(len(time), level), settings, crew, np.zeros(len(time), int),
         gauge_quantum=0.0, rng=np.random.default_rng(1),
     )  # fmt: skip
     found = saint_venant(channel, time, inflow, operators, level)

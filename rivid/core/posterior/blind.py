@@ -110,7 +110,8 @@ def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> 
 
     half_log = 0.5 * np.log1p(k * value[:, :, None]).sum(axis=-1)
     left = np.maximum(yy[:, None, None] - np.einsum("blkr,blr->blk", shrink, z**2), 1e-13 * yy[:, None, None])
-    nothing = -0.5 * n * np.log(left) - half_log - 0.5 * np.log(n)
+    with np.errstate(divide="ignore"):  # a level that does not move
+        nothing = -0.5 * n * np.log(left) - half_log - 0.5 * np.log(n)
 
     decays, m, _ = s.shape
     back = shrink.swapaxes(-1, -2)

@@ -20,15 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.fir import as_days
-from rivid.core.posterior.front import (
-    LAG_TAPS,
-    LAGS,
-    SHARES,
-    Fronts,
-    averaged_fir,
-    log_evidence,
-    structures,
-)
+from rivid.core.posterior.front import LAG_TAPS, LAGS, SHARES, Fronts, averaged_fir, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.types import Bools, Floats, Ints, Strings
@@ -202,18 +194,9 @@ def posterior(
 ) -> PosteriorResult:
     """Probability of every delay, day by day.
 
-    Parameters
-    ----------
-    u, y : array_like, shape (days, N)
-        Inflow commands [m3/s] and level [m]. Neither the level's unit nor a constant matters.
-    o : array_like, shape (days, N), optional
-        Outflow commands [m3/s], where they are logged.
-    settings : PosteriorSettings, optional
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or days too short for d_max.
+    `u` and `y`, both (days, N), are the inflow commands [m3/s] and the level [m], of which neither the unit
+    nor a constant matters; `o` are the outflow commands [m3/s], where they are logged. RividError for shapes
+    that do not fit, values that are not finite, or days too short for d_max.
     """
     s = settings or PosteriorSettings()
     return in_blocks({"inflow": u, "level": y, "outflow": o}, 3 * (s.d_max + GUARD + 4), s, _block)
@@ -226,7 +209,10 @@ Block = Callable[[Floats, Floats, Floats | None, PosteriorSettings], tuple[Float
 def in_blocks(
     series: dict[str, ArrayLike | None], least: int, s: PosteriorSettings, block: Block
 ) -> PosteriorResult:
-    """Check the series, apply `block` to :data:`BLOCK` days at a time, and condense what it returns."""
+    """Check the series, apply `block` to :data:`BLOCK` days at a time, and condense what it returns.
+
+    A day without a delay has the reason.
+    """
     arrays, _ = as_days(series, least, f"d_max = {s.d_max}, order = {s.order}", one=False)
     u, y, *rest = (values - values[:, :1] for values in arrays)
     o, n = rest[0] if rest else None, len(u)
@@ -234,12 +220,43 @@ def in_blocks(
         block(u[take], y[take], None if o is None else o[take], s)
         for take in (np.minimum(np.arange(begin, begin + BLOCK), n - 1) for begin in range(0, n, BLOCK))
     ]
-    probability, right, place, fir, sd, link = (
-        np.concatenate(parts)[:n] for parts in zip(*found, strict=True)
-    )
+    p, right, place, fir, sd, link = (np.concatenate(parts)[:n] for parts in zip(*found, strict=True))
     still = (np.ptp(u, axis=1) <= 0.0) | (np.ptp(y, axis=1) <= 0.0)
-    probability[still], link[still] = np.nan, 0.0
-    return _answer(s, probability, right, place, fir, sd, link, still)
+    p[still], link[still] = np.nan, 0.0
+
+    inside = slice(s.d_min - candidates_of(s)[0], s.d_max + 1 - candidates_of(s)[0])
+    beyond = np.stack([p[:, : inside.start].sum(axis=1), p[:, inside.stop :].sum(axis=1)], axis=1)
+    candidates = np.arange(s.d_min, s.d_max + 1)
+    known: Bools = np.asarray(np.isfinite(p).all(axis=1))
+    probability = normalised(p[:, inside])
+    certain = np.where(known[:, None], p[:, inside], 0.0)
+    best, every = np.argmax(certain, axis=1), np.arange(n)
+    sure = right[:, inside][every, best]
+    outside = known & (beyond.max(axis=1) > certain[every, best])
+    unseen = known & ~(link >= 0.5)
+    message = np.select(
+        [still, ~known, unseen, outside & (beyond[:, 0] > beyond[:, 1]), outside, ~(sure >= s.answer_above)],
+        [
+            "inflow or level does not move",
+            "the inflow moves too little",
+            "no front of the inflow is seen in the level",
+            "the delay lies below d_min",
+            "the delay lies above d_max",
+            "no delay is probable enough",
+        ],
+        "",
+    )
+    status = np.where(message == "", "ok", np.where(outside & ~unseen, "at_bound", "unidentifiable"))
+    for values in (beyond, sure, place, fir, sd):
+        values[~known] = np.nan
+    middle, low, high, *half = place.T
+    return PosteriorResult(
+        candidates=candidates, probability=probability, beyond=beyond,
+        delay=np.where(status == "ok", candidates[best], np.nan), right=sure,
+        in_set=smallest_set(certain, probability) & known[:, None], place=middle, place_low=low,
+        place_high=high, half=half[0] if half else np.full(n, np.nan), fir=fir, fir_sd=sd, link=link,
+        status=status, message=message,
+    )  # fmt: skip
 
 
 def _block(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings) -> tuple[Floats, ...]:
@@ -291,46 +308,3 @@ def normalised(within: Floats) -> Floats:
     """Rows that sum to one, also where all of a row's probability lies beyond the range."""
     probability = within + 1e-300
     return np.asarray(probability / probability.sum(axis=1, keepdims=True), float)
-
-
-def _answer(
-    s: PosteriorSettings, p: Floats, right: Floats, place: Floats, fir: Floats, sd: Floats, link: Floats,
-    still: Bools,
-) -> PosteriorResult:  # fmt: skip
-    """Delays of the days that have one, and the reasons of the others."""
-    first, _ = candidates_of(s)
-    inside = slice(s.d_min - first, s.d_max + 1 - first)
-    beyond = np.stack([p[:, : inside.start].sum(axis=1), p[:, inside.stop :].sum(axis=1)], axis=1)
-    candidates = np.arange(s.d_min, s.d_max + 1)
-    within, right = p[:, inside], right[:, inside]
-    known: Bools = np.asarray(np.isfinite(p).all(axis=1))
-    probability = normalised(within)
-    certain = np.where(known[:, None], within, 0.0)
-    best, every = np.argmax(certain, axis=1), np.arange(len(p))
-    sure = right[every, best]
-    outside = known & (beyond.max(axis=1) > within[every, best])
-    unseen = known & ~(link >= 0.5)
-    message = np.select(
-        [still, ~known, unseen, outside & (beyond[:, 0] > beyond[:, 1]), outside, ~(sure >= s.answer_above)],
-        [
-            "inflow or level does not move",
-            "the inflow moves too little",
-            "no front of the inflow is seen in the level",
-            "the delay lies below d_min",
-            "the delay lies above d_max",
-            "no delay is probable enough",
-        ],
-        "",
-    )
-    status = np.where(message == "", "ok", np.where(outside & ~unseen & ~still, "at_bound", "unidentifiable"))
-    middle, low, high, *rest = place.T
-    half = rest[0] if rest else np.full(len(p), np.nan)
-    for values in (beyond, sure, place, fir, sd):
-        values[~known | still] = np.nan
-    return PosteriorResult(
-        candidates=candidates, probability=probability, beyond=beyond,
-        delay=np.where(status == "ok", candidates[best], np.nan), right=sure,
-        in_set=smallest_set(certain, probability) & known[:, None],
-        place=middle, place_low=low, place_high=high, half=half, fir=fir, fir_sd=sd, link=link,
-        status=status, message=message,
-    )  # fmt: skip

@@ -361,14 +361,16 @@ def averaged_fir(
 
 
 def _regressors(
-    s: Structure, d: Ints, w: Floats, n_columns: int, with_outflow: bool
+    s: Structure, d: Ints, w: Floats, n_columns: int, with_outflow: bool, one: int
 ) -> tuple[Floats, Floats]:
     """Regressors (models, P, K) on the columns of the Gram matrix, and the response (K,).
 
-    The front's taps come first, then the level's lags, the constant and the outflow's lags.
+    The front's taps come first, then the level's lags, the constant, which is column `one`, and the outflow's
+    lags.
     """
-    o, every = O_LAGS if with_outflow else 0, np.arange(len(d))
-    y1, y0 = o + 1, o + 1 + Y_LAGS
+    every = np.arange(len(d))
+    y1 = one + 1 + (O_LAGS if with_outflow else 0)
+    y0 = y1 + Y_LAGS
     rho = DRIFT_MEMORY if s.name == "drifting store" else 0.0
     outflows = (1 if s.is_store else O_LAGS) if with_outflow else 0
     X = np.zeros((len(d), s.taps + s.order + 1 + outflows, n_columns))
@@ -379,11 +381,11 @@ def _regressors(
         X[every, tap, lag + 2] -= rho * (1.0 - w)
     for k in range(s.order):
         X[:, s.taps + k, y1 + k] = 1.0
-    X[:, s.taps + s.order, 0] = 1.0
+    X[:, s.taps + s.order, one] = 1.0
     for k in range(outflows):
-        X[:, s.taps + s.order + 1 + k, 1 + k] = 1.0
+        X[:, s.taps + s.order + 1 + k, one + 1 + k] = 1.0
         if s.is_store:
-            X[:, s.taps + s.order + 1 + k, 2 + k] = -rho
+            X[:, s.taps + s.order + 1 + k, one + 2 + k] = -rho
     response = np.zeros(n_columns)
     response[y0] = 1.0
     if s.is_store:
@@ -397,8 +399,7 @@ def _responses(
     """h and its variance, shape (models, M), of models of one equation; `G` has shape (models, K, K), `lag`
     is the place in :data:`LAGS`, -1 for none."""
     K, more = G.shape[-1], (LAG_TAPS - 1 if with_outflow else 0)
-    X, response = (np.pad(a, [(0, 0)] * (a.ndim - 1) + [(more, more)]) for a in
-                   _regressors(s, d, w, K - 2 * more, with_outflow))  # fmt: skip
+    X, response = _regressors(s, d, w, K, with_outflow, more)
     shown = np.zeros((len(d), LAG_TAPS))
     shown[:, 0] = 1.0
     for i, each in enumerate(LAGS):

@@ -117,41 +117,33 @@ def response_grids(s: RiverSettings) -> tuple[ResponseGrid, ...]:
     resolution of t50 is a share of it: travel times of 24 to 48 samples have a step of two samples' worth,
     those of 48 to 96 of four, and so on.
     """
+    grids, stride = [], 1
+    low, longest = max(s.d_min - GUARD, STEP), s.d_max + GUARD
     if s.d_max <= UNIFORM_TO:
-        return (response_grid(s),)
-    grids, low, stride = [], max(s.d_min - GUARD, STEP), 1
-    while low <= s.d_max + GUARD:
+        return (_grid(low, longest, s.n_lags),)
+    while low <= longest:
         high = OCTAVE * stride
         if low < high:
             n_lags = min(lags_of(OCTAVE), s.n_lags // stride)
-            last = min(high - STEP * stride, s.d_max + GUARD)
+            last = min(high - STEP * stride, longest)
             grids.append(_grid(low / stride, last / stride, n_lags, stride))
             low = float(high)
         stride *= 2
     return tuple(grids)
 
 
-def response_grid(s: RiverSettings) -> ResponseGrid:
-    """One grid for all travel times of :class:`RiverSettings`."""
-    return _grid(max(s.d_min - GUARD, STEP), s.d_max + GUARD, s.n_lags)
-
-
 def _grid(low: float, high: float, n_lags: int, stride: int = 1) -> ResponseGrid:
     """The grid of travel times from `low` to `high`, both in units of `stride` samples."""
     t50 = np.arange(low, high + 1e-9, STEP)
-    h, prior = [], []
-    for family, parameters in FAMILIES:
-        for parameter in parameters:
-            h.append(responses(family, parameter, t50, n_lags))
-            prior.append(1.0 / (len(FAMILIES) * len(parameters)))
-    all_h = np.stack(h)
+    h = np.stack([responses(family, one, t50, n_lags) for family, many in FAMILIES for one in many])
+    prior = np.array([1.0 / (len(FAMILIES) * len(many)) for _, many in FAMILIES for _ in many])
     blocks = []
-    for shape in range(len(all_h)):
+    for shape in range(len(h)):
         for begin in range(0, len(t50), BLOCK):
             part = slice(begin, min(begin + BLOCK, len(t50)))
-            lags = np.flatnonzero(all_h[shape, part].max(axis=0) > 0.0)
+            lags = np.flatnonzero(h[shape, part].max(axis=0) > 0.0)
             blocks.append((shape, part, slice(int(lags[0]), int(lags[-1]) + 1)))
-    return ResponseGrid(t50 * stride, all_h, np.array(prior), tuple(blocks), stride)
+    return ResponseGrid(t50 * stride, h, prior, tuple(blocks), stride)
 
 
 def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Floats:

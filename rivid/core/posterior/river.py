@@ -75,14 +75,9 @@ def _positive(g: Floats, variance: Floats) -> tuple[Floats, Floats]:
 
 
 def evidence(
-    sums: Sums,
-    grid: ResponseGrid,
-    n_rows: int,
-    gain: float,
-    gain_sd: float,
-    within: float = inf,
+    sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float, within: float = inf,
     best: float = -inf,
-) -> Evidence:
+) -> Evidence:  # fmt: skip
     """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine.
 
     Responses that cannot come `within` so much of the best one's log evidence, or of the `best` already
@@ -191,7 +186,46 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
     windows = [
         None if dead else _window(a, b, grids, s) for a, b, dead in zip(inflow, output, still, strict=True)
     ]
-    return _answer(windows, s)
+    edges, table = _spread(s)
+    no_fir = np.full(s.n_lags + 1, np.nan)
+    empty = np.full(len(table), np.nan), 0.0, np.nan, np.nan, no_fir, no_fir
+    weight, link, gain, lead, fir, fir_sd = (
+        np.stack(part) for part in zip(*(w or empty for w in windows), strict=True)
+    )
+    below = np.stack([row @ table for row in weight])
+    low, t50, high = (
+        np.array([np.interp(level, F, edges) if np.isfinite(F[0]) else np.nan for F in below])
+        for level in (0.05, 0.5, 0.95)
+    )
+    reached = np.stack([np.interp(np.arange(s.d_min, s.d_max + 2) - 0.5, edges, F) for F in below])
+    beyond = np.stack([reached[:, 0], 1.0 - reached[:, -1]], axis=1)
+    probability = normalised(np.diff(reached, axis=1))
+    nearest = np.floor(t50 + 0.5)
+    before, after = (
+        np.array([np.interp(d, edges, F) for d, F in zip(nearest + side, below, strict=True)])
+        for side in (-0.5 - TOLERANCE, 0.5 + TOLERANCE)
+    )
+    wide = high - low > s.widest + 0.5 * t50
+    message = np.select(
+        [still, ~(link >= s.link_above), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
+        [
+            "inflow or output does not move",
+            "the output is not seen to follow the inflow",
+            "the travel time lies below d_min",
+            "the travel time lies above d_max",
+            "the travel time is too uncertain",
+        ],
+        "",
+    )
+    outside = (beyond.max(axis=1) > 0.5) & (link >= s.link_above)
+    status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
+    return RiverPosterior(
+        candidates=np.arange(s.d_min, s.d_max + 1), probability=probability, beyond=beyond,
+        delay=np.where(status == "ok", nearest, np.nan), right=after - before,
+        in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
+        place=t50, place_low=low, place_high=high, half=t50, fir=fir, fir_sd=fir_sd, link=link,
+        status=status, message=message, gain=gain, lead=lead,
+    )  # fmt: skip
 
 
 def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
@@ -217,8 +251,21 @@ def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
     q *= prior[:, None, None, None, :] * grids[0].prior[:, None]
     seen, unseen = float(q.sum()), float(np.exp((none - top) / T).mean())
     q /= seen
-    found = log, mean, variance
-    return q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grids, s)
+    weight = q.sum(axis=(0, 1, 2, 3))
+    once = np.einsum("cbzst,cbzst->st", q, mean)
+    twice = np.einsum("cbzst,cbzst->st", q, mean**2 + variance)
+    fir, square = np.zeros((2, s.n_lags + 1))
+    begin = 0
+    for grid in grids:
+        here = slice(begin, begin := begin + len(grid.t50))
+        h = grid.h / grid.stride
+        fir += grid.at_lags(np.einsum("st,stl->l", once[:, here], h), s.n_lags)
+        square += grid.at_lags(np.einsum("st,stl->l", twice[:, here], h**2), s.n_lags)
+    # the error that no window can see moves the whole response
+    moved = np.gradient(fir) * (s.spread + s.spread_share * float(weight @ t50))
+    sd = np.sqrt(np.maximum(square - fir**2, 0.0) + moved**2)
+    lead = float(q.sum(axis=(1, 2, 3, 4)) @ leads)
+    return weight, seen / (seen + unseen), float(once.sum()), lead, fir, sd
 
 
 def _places(grids: Grids) -> tuple[Floats, Floats]:
@@ -227,85 +274,9 @@ def _places(grids: Grids) -> tuple[Floats, Floats]:
     return np.concatenate([grid.t50 for grid in grids]), step / step.sum()
 
 
-def _averages(
-    q: Floats, found: Evidence, leads: Floats, grids: Grids, s: RiverSettings
-) -> tuple[float, float, Floats, Floats]:
-    """Gain, lead, response and its spread."""
-    _, mean, spread = found
-    once = np.einsum("cbzst,cbzst->st", q, mean)
-    twice = np.einsum("cbzst,cbzst->st", q, mean**2 + spread)
-    fir, square = np.zeros((2, s.n_lags + 1))
-    begin = 0
-    for grid in grids:
-        here = slice(begin, begin := begin + len(grid.t50))
-        h = grid.h / grid.stride
-        fir += grid.at_lags(np.einsum("st,stl->l", once[:, here], h), s.n_lags)
-        square += grid.at_lags(np.einsum("st,stl->l", twice[:, here], h**2), s.n_lags)
-    variance = square - fir**2
-    # the error that no window can see moves the whole response
-    t50 = float(q.sum(axis=(0, 1, 2, 3)) @ _places(grids)[0])
-    moved = np.gradient(fir) * (s.spread + s.spread_share * t50)
-    sd = np.sqrt(np.maximum(variance, 0.0) + moved**2)
-    return float(once.sum()), float(q.sum(axis=(1, 2, 3, 4)) @ leads), fir, sd
-
-
 @lru_cache(maxsize=4)
 def _spread(s: RiverSettings) -> tuple[Floats, Floats]:
     """Edges [samples], and the distribution function there of a t50 found at each place of the grid."""
     t50, _ = _places(response_grids(s))
     edges = np.arange(0.0, 1.25 * t50[-1] + 5.0, EDGE_STEP)
     return edges, ndtr((edges - t50[:, None]) / (s.spread + s.spread_share * t50[:, None]))
-
-
-def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
-    """Travel times of the windows that have one, and the reasons of the others."""
-    edges, table = _spread(s)
-    no_fir = np.full(s.n_lags + 1, np.nan)
-    empty = np.full(len(table), np.nan), 0.0, np.nan, np.nan, no_fir, no_fir
-    still = np.array([w is None for w in windows])
-    weight, link, gain, lead, fir, fir_sd = (
-        np.stack(part) for part in zip(*(w or empty for w in windows), strict=True)
-    )
-    below = np.stack([row @ table for row in weight])
-    low, t50, high = (
-        np.array([np.interp(level, F, edges) if np.isfinite(F[0]) else np.nan for F in below])
-        for level in (0.05, 0.5, 0.95)
-    )
-    candidates = np.arange(s.d_min, s.d_max + 1)
-
-    def share(d: Floats, half: float) -> Floats:
-        upper, lower = (
-            np.array([np.interp(at, edges, F) for at, F in zip(d + side, below, strict=True)])
-            for side in (half, -half)
-        )
-        return np.asarray(upper - lower, float)
-
-    within = share(np.tile(candidates.astype(float), (len(windows), 1)), 0.5)
-    beyond = np.stack(
-        [[np.interp(s.d_min - 0.5, edges, F), 1.0 - np.interp(s.d_max + 0.5, edges, F)] for F in below]
-    )
-    beyond[still] = np.nan
-    nearest = np.floor(t50 + 0.5)
-    right = share(nearest, 0.5 + TOLERANCE)
-    wide = high - low > s.widest + 0.5 * t50
-    message = np.select(
-        [still, ~(link >= s.link_above), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
-        [
-            "inflow or output does not move",
-            "the output is not seen to follow the inflow",
-            "the travel time lies below d_min",
-            "the travel time lies above d_max",
-            "the travel time is too uncertain",
-        ],
-        "",
-    )
-    outside = (beyond.max(axis=1) > 0.5) & (link >= s.link_above)
-    status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
-    probability = normalised(within)
-    return RiverPosterior(
-        candidates=candidates, probability=probability, beyond=beyond,
-        delay=np.where(status == "ok", nearest, np.nan), right=right,
-        in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
-        place=t50, place_low=low, place_high=high, half=t50, fir=fir, fir_sd=fir_sd, link=link,
-        status=status, message=message, gain=gain, lead=lead,
-    )  # fmt: skip

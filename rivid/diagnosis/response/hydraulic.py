@@ -278,7 +278,7 @@ class HydraulicResponse(Response):
         return simulate(
             channel, record.time, record.inflow, record.outflow, start_level(water, self.level),
             changes=changes, gate_time=self.gate_time, observed=water if nudged else None,
-            lift=self._lift[0] if nudged else None, speed=self.pace * self.channel.length,
+            lift=self._lift[0] if nudged else 1.0, speed=self.pace * self.channel.length,
         )  # fmt: skip
 
     def _level(self, record: Record, changes: Changes, flow: Flow) -> Floats:

@@ -43,35 +43,28 @@ class Channel:
         cells = np.size(self.bed)
         if cells < MIN_CELLS:
             raise ConfigError(f"bed has {cells} cells: expected {MIN_CELLS} or more")
-        for name, low in (("bed", -np.inf), ("bottom_width", 0.0), ("side_slope", 0.0), ("manning", 0.0)):
+        for name, least, wanted in (
+            ("bed", -np.inf, "a finite level [m]"),
+            ("bottom_width", np.nextafter(0.0, 1.0), "more than 0 m"),
+            ("side_slope", 0.0, "0 or more"),
+            ("manning", 0.0, "0 or more"),
+        ):
             values = np.array(getattr(self, name), float)
             if values.shape != (cells,):
                 raise ConfigError(f"{name} has shape {values.shape}: expected ({cells},), one for each cell")
-            wrong = ~np.isfinite(values) | (values < low)
-            if name == "bottom_width":
-                wrong |= values == 0.0
+            wrong = ~np.isfinite(values) | (values < least)
             if wrong.any():
                 cell = int(np.argmax(wrong))
-                wanted = {"bed": "a finite level [m]", "bottom_width": "more than 0 m"}.get(name, "0 or more")
                 raise ConfigError(f"{name} = {values[cell]} in cell {cell}: expected {wanted}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 
     @classmethod
     def smooth(
-        cls,
-        length: float,
-        width: float,
-        slope: float,
-        manning: float,
-        cells: int,
-        *,
-        side_slope: float = 0.0,
-        end_bed: float = 0.0,
-        width_modes: Sequence[float] = (),
-        bed_modes: Sequence[float] = (),
-        manning_modes: Sequence[float] = (),
-    ) -> "Channel":
+        cls, length: float, width: float, slope: float, manning: float, cells: int, *,
+        side_slope: float = 0.0, end_bed: float = 0.0, width_modes: Sequence[float] = (),
+        bed_modes: Sequence[float] = (), manning_modes: Sequence[float] = (),
+    ) -> "Channel":  # fmt: skip
         """A channel from a few numbers: means, and smooth modes ``cos(j pi x / L)``, j = 1, 2, ...
 
         The bed falls by `slope` [-] to the level `end_bed` [m] at x = L. `width_modes` and `manning_modes`
@@ -94,11 +87,10 @@ class Channel:
             return np.asarray(np.cos(np.pi * np.outer(x, numbers)) @ np.asarray(modes, float), float)
 
         shape = np.exp(wave(width_modes))
-        mean = float(shape.mean())
         return cls(
             length=length,
             bed=end_bed + slope * length * (1.0 - x) + wave(bed_modes),
-            bottom_width=width / mean * shape,
+            bottom_width=width / float(shape.mean()) * shape,
             side_slope=np.full(cells, side_slope),
             manning=manning * np.exp(wave(manning_modes)),
         )

@@ -3,34 +3,32 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
-from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from multiprocessing import parent_process
-from typing import Any, TypeVar, cast
+from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numba import config
+from numpy.typing import ArrayLike
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gate import NO_OPERATORS, OperatorArrays, exchange_arrays, gate_arrays, on_grid
+from rivid.reach.saint_venant import kernel
 from rivid.reach.saint_venant.channel import COURANT_LIMIT, MAX_CELLS, Channel
 from rivid.types import Floats
 
 _Given = TypeVar("_Given")
 _Made = TypeVar("_Made")
-NUDGE_TIME = 1800.0
-"""Time in which a nudge would close the gap between the observed level and the water's [s]."""
 ENOUGH = 200_000
 """Cells times samples from which threads share the rows: about 10 ms of work; they start in 0.2 ms."""
 PARTS = 4
 """Parts of the rows for each thread: none waits long for the last."""
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+class State(NamedTuple):
     """The water between two samples, from which :func:`simulate` can go on; a row for each day."""
 
     area: Floats  # wetted areas at the last sample [m2], (days, cells)
@@ -41,8 +39,7 @@ class State:
     ponds: Floats  # levels of the ponds [m], (days, ponds)
 
 
-@dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(NamedTuple):
     """Levels and flows at the sample times; arrays of shape (days, n), or (n,) as the commands."""
 
     level: Floats  # at x = L [m]
@@ -56,21 +53,11 @@ class Flow:
 
 
 def simulate(
-    channel: Channel,
-    time: ArrayLike,
-    inflow: ArrayLike,
-    outflow: ArrayLike | OperatorArrays,
-    start: ArrayLike | State,
-    *,
-    changes: Changes = NO_CHANGES,
-    places: Sequence[float] = (),
-    gate_time: float = 30.0,
-    courant: float = 0.5,
-    step: float | None = None,
-    speed: float | None = None,
-    observed: ArrayLike | None = None,
-    lift: ArrayLike | None = None,
-) -> Flow:
+    channel: Channel, time: ArrayLike, inflow: ArrayLike, outflow: ArrayLike | OperatorArrays,
+    start: ArrayLike | State, *, changes: Changes = NO_CHANGES, places: Sequence[float] = (),
+    gate_time: float = 30.0, courant: float = 0.5, step: float | None = None, speed: float | None = None,
+    observed: ArrayLike | None = None, lift: ArrayLike = 1.0,
+) -> Flow:  # fmt: skip
     """Solve Saint-Venant's equations (1), with Manning friction, for known flows at both dams.
 
     `time` [s], `inflow` and `outflow` [m3/s], held from each sample to the next, have shape (n,) or (days,
@@ -90,8 +77,8 @@ def simulate(
     where it is unstable.
 
     `observed`, shape of the inflow, is a level to stay near [m]: ``(observed - level) / NUDGE_TIME`` times
-    `lift`, shape (cells,), is added to the rise of each cell, nothing where it is NaN. The lift is 1 by
-    default, and :func:`backwater_lift` where the water is to stay in balance.
+    `lift`, one or (cells,), is added to the rise of each cell, nothing where it is NaN. The lift is
+    :func:`backwater_lift` where the water is to stay in balance.
 
     ConfigError where a setting is impossible or unstable; RividError where a cell runs dry or no subcritical
     steady flow has the start level. The first call in a process compiles the loops, or loads them compiled.
@@ -105,30 +92,29 @@ def simulate(
     >>> flow.level.round(6).tolist()
     [5.0, 5.0]
     """
-    from rivid.reach.saint_venant import kernel
-
     _check_settings(gate_time, courant, step, places)
-    if channel.cells > MAX_CELLS:
-        raise ConfigError(f"a channel of {channel.cells} cells: expected at most {MAX_CELLS}")
-    single = np.ndim(inflow) < 2
-    shape = np.shape(np.atleast_2d(np.asarray(inflow, float)))
-    clock_time = _rows("time", time, shape)
+    c = channel.cells
+    if c > MAX_CELLS:
+        raise ConfigError(f"a channel of {c} cells: expected at most {MAX_CELLS}")
+    day = 0 if np.ndim(inflow) < 2 else slice(None)
+    days, n = shape = np.shape(np.atleast_2d(np.asarray(inflow, float)))
+    clock_time = on_grid("time", time, shape)
     if not (np.diff(clock_time, axis=1) > 0).all():
         raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
-    q_in = _rows("inflow", inflow if changes.inflow is None else changes.inflow, shape)
+    q_in = on_grid("inflow", inflow if changes.inflow is None else changes.inflow, shape)
     if isinstance(outflow, OperatorArrays):
-        operators, q_out, samples = outflow, q_in.copy(), len(outflow.inflow)
-        if samples != shape[1]:
-            raise RividError(f"operators for {samples} samples: expected {shape[1]} like the inflow")
-        if shape[0] > 1:
-            raise RividError(f"operators at {shape[0]} reaches at once: expected one row")
+        operators, q_out = outflow, q_in.copy()
+        if len(outflow.inflow) != n:
+            raise RividError(f"operators for {len(outflow.inflow)} samples: expected {n} like the inflow")
+        if days > 1:
+            raise RividError(f"operators at {days} reaches at once: expected one row")
     else:
-        operators, q_out = NO_OPERATORS, _rows("outflow", outflow, shape)
-    sides = np.empty((len(changes.added), *shape))
-    for j, extra in enumerate(changes.added):
-        sides[j] = _rows("an added flow", extra.flow, shape)
-    share = _shares(channel.cells, [extra.place for extra in changes.added])
-    days, c = shape[0], channel.cells
+        operators, q_out = NO_OPERATORS, on_grid("outflow", outflow, shape)
+    sides = np.array([on_grid("an added flow", extra.flow, shape) for extra in changes.added])
+    sides = sides.reshape(-1, *shape)
+    share, leak_share, pond_share = (
+        _shares(c, [one.place for one in many]) for many in (changes.added, changes.leaks, changes.ponds)
+    )
     if isinstance(start, State):
         state, levels_0 = deepcopy(start), np.empty(0)
     else:
@@ -143,43 +129,28 @@ def simulate(
             f"the start has (days, cells) = {state.area.shape}: expected {(days, c)} "
             "as the commands and the channel have"
         )
-    cells = [_between_cells(channel.cells, place) for place in places]
-    faces = [_between_faces(channel.cells, place) for place in places]
-    level, released, volume, nudge = (np.empty(shape) for _ in range(4))
-    levels, discharges = np.empty((*shape, len(places))), np.empty((*shape, len(places)))
-    target = np.empty((1, 1)) if observed is None else _rows("observed", observed, shape, gaps=True)
-    arguments = (
-        levels_0, sides[:, :, 0].T @ share, clock_time, q_in, q_out, sides, share,
-        gate_arrays(changes, shape), exchange_arrays(changes, shape),
-        _shares(channel.cells, [leak.place for leak in changes.leaks]),
-        _shares(channel.cells, [pond.place for pond in changes.ponds]),
-        operators, target, 0.0 if observed is None else NUDGE_TIME,
-        np.ones(c) if lift is None else np.array(np.broadcast_to(np.asarray(lift, float), (c,))),
-        channel.sections, channel.dx,
-        float(gate_time), float(courant), 0.0 if step is None else float(step),
-        state.area, state.discharge, state.gates, state.clock, state.gate, state.ponds,
-        np.array([i for i, _ in cells], np.int64), np.array([w for _, w in cells]),
-        np.array([i for i, _ in faces], np.int64), np.array([w for _, w in faces]),
-        level, released, levels, discharges, volume, nudge,
+    target = np.full(shape, np.nan)
+    if observed is not None:
+        known = ~np.isnan(np.asarray(observed, float))
+        target = np.where(known, on_grid("observed", np.where(known, observed, 0.0), shape), np.nan)
+    level, released, volume, nudge = np.empty((4, *shape))
+    levels, discharges = np.empty((2, *shape, len(places)))
+    flow = Flow(level, q_out, released, levels, discharges, volume, nudge, state)
+    advance = partial(
+        kernel.advance, levels_0, sides[:, :, 0].T @ share, clock_time, q_in, flow, sides, share, leak_share,
+        pond_share, gate_arrays(changes, shape), exchange_arrays(changes, shape), operators, target,
+        np.array(np.broadcast_to(np.asarray(lift, float), (c,))), channel.sections, channel.dx,
+        float(gate_time), float(courant), 0.0 if step is None else float(step), np.array(places, float),
     )  # fmt: skip
-
-    advance: Any = kernel.advance
-
-    def part(rows: Sequence[int]) -> tuple[int, int, int, int, float]:
-        return cast(tuple[int, int, int, int, float], advance(*rows, *arguments))
-
-    threads = _threads(shape[0], shape[1] * channel.cells)
-    if threads == 1:
-        answer = part((0, shape[0]))
-    else:
-        ends = np.linspace(0, shape[0], min(PARTS * threads, shape[0]) + 1).astype(int).tolist()
-        answers = list(_pool(threads).map(part, pairwise(ends)))
-        answer = next((a for a in answers if a[0] != kernel.OK), (kernel.OK, 0, 0, 0, 0.0))
-    if answer[0] != kernel.OK:
-        if answer[0] == kernel.UNSTEADY:
-            raise _unsteady(channel, q_in[:, 0], levels_0, answer[1])
-        raise _failure(channel, shape[0], clock_time, step, courant, *answer)
-    day = 0 if single else slice(None)
+    threads = _threads(days, n * c)
+    ends = np.linspace(0, days, min(PARTS * threads, days) + 1).astype(int) if threads > 1 else (0, days)
+    run = _pool(threads).map if threads > 1 else map
+    for how, row, k, cell, value in list(run(lambda part: advance(*part), pairwise(ends))):
+        if how == kernel.UNSTEADY:
+            raise _unsteady(channel, q_in[:, 0], levels_0, row)
+        if how != kernel.OK:
+            when = f"at {clock_time[row, k]:g} s{_row(row, days)}"
+            raise _failure(channel, when, step, courant, how, cell, value)
     return Flow(
         level[day], q_out[day], released[day], levels[day], discharges[day], volume[day], nudge[day], state
     )
@@ -196,8 +167,6 @@ def backwater_lift(channel: Channel, flow: float, level: float) -> tuple[Floats,
     flow alone: there the rise is 0, and the volume is less than the water surface. RividError where no
     subcritical steady flow has the level.
     """
-    from rivid.reach.saint_venant import kernel
-
     c, s = channel.cells, channel.sections
     levels, volumes = [], []
     for start in (level, level + LIFT_BY):
@@ -222,12 +191,7 @@ def _threads(rows: int, row: int) -> int:
 
 def _cores() -> int:
     """Threads that may work at once; one in a worker process: the others use the cores."""
-    if parent_process() is not None:
-        return 1
-    import numba
-
-    config: Any = numba.config
-    return int(config.NUMBA_NUM_THREADS)
+    return 1 if parent_process() is not None else int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
 
 
 def side_by_side(function: Callable[[_Given], _Made], many: Sequence[_Given]) -> list[_Made]:
@@ -253,39 +217,14 @@ def _check_settings(gate_time: float, courant: float, step: float | None, places
             raise ConfigError(f"places holds {place}: expected 0 (upstream) to 1 (downstream)")
 
 
-def _rows(name: str, values: ArrayLike, shape: tuple[int, ...], gaps: bool = False) -> Floats:
-    """A (days, n) array of its own, finite unless gaps are allowed."""
-    given = np.asarray(values, float)
-    rows = on_grid(name, np.where(np.isnan(given), 0.0, given) if gaps else given, shape)
-    if not np.isfinite(rows).all():
-        day, k = np.argwhere(~np.isfinite(rows))[0]
-        raise RividError(f"{name} is {rows[day, k]} in row {day}, sample {k}: expected a number")
-    if gaps:
-        rows[np.broadcast_to(np.isnan(given), shape)] = np.nan
-    return rows
-
-
 def _shares(cells: int, places: Sequence[float]) -> Floats:
     """What of a flow at each place enters each cell, shape (places, cells)."""
     share = np.zeros((len(places), cells))
     for row, place in zip(share, places, strict=True):
-        cell, weight = _between_cells(cells, place)
+        cell, weight = kernel.between(place * cells - 0.5, cells - 1)
         weight = min(max(weight, 0.0), 1.0)
         row[cell], row[cell + 1] = 1.0 - weight, weight
     return share
-
-
-def _between_cells(cells: int, place: float) -> tuple[int, float]:
-    """The cell before a place and the weight of the next; beyond the last middles it extrapolates."""
-    at = place * cells - 0.5
-    cell = min(max(int(np.floor(at)), 0), cells - 2)
-    return cell, at - cell
-
-
-def _between_faces(cells: int, place: float) -> tuple[int, float]:
-    at = place * cells
-    face = min(int(at), cells - 1)
-    return face, at - face
 
 
 def _unsteady(channel: Channel, inflow: Floats, levels: Floats, day: int) -> RividError:
@@ -301,12 +240,8 @@ def _row(day: int, days: int) -> str:
 
 
 def _failure(
-    channel: Channel, days: int, time: NDArray[np.float64], step: float | None, courant: float,
-    how: int, day: int, k: int, cell: int, value: float,
-) -> RividError:  # fmt: skip
-    from rivid.reach.saint_venant import kernel
-
-    when = f"at {time[day, k]:g} s{_row(day, days)}"
+    channel: Channel, when: str, step: float | None, courant: float, how: int, cell: int, value: float
+) -> RividError:
     if how == kernel.UNSTABLE and value > 0.0:
         return ConfigError(
             f"step = {step:g} s is unstable {when} with dx = {channel.dx:.4g} m: expected at most "

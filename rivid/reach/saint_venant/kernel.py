@@ -21,9 +21,10 @@ lie in one buffer at constant distances: the compiler then needs no test for ove
 the arithmetic of a reach of some 30 cells.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.reach.gate import (
@@ -40,10 +41,15 @@ from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
 from rivid.reach.saint_venant.channel import MAX_CELLS, Sections
 from rivid.types import Floats
 
+if TYPE_CHECKING:
+    from rivid.reach.saint_venant.flow import Flow
+
 OK, DRY, UNSTABLE, UNSTEADY = 0, 1, 2, 3
 """How a day ended."""
 MAX_STEPS = 100_000
 """More steps between two samples than this only a flow that blows up asks for."""
+NUDGE_TIME = 1800.0
+"""Time in which a nudge would close the gap between the observed level and the water's [s]."""
 
 
 STRIDE = MAX_CELLS + 56
@@ -64,16 +70,6 @@ ONE, CENTRE = 0x3FF0000000000000, 0x0000CCCCCCCCCCCC
 """The bits of 1.0, and of a twentieth of an octave, which centres the errors of the first cube roots."""
 FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
 """Freedoms of the compiler in the loops along the cells: NaN and infinity stay what they are."""
-
-
-@njit(cache=True, error_model="numpy")
-def lay_out(W: Floats, c: Sections) -> None:
-    """Write the sections into the buffer; behind the last cell a dummy; its face is overwritten."""
-    n = len(c.bed)
-    for i in range(n):
-        W[BED + i], W[A_0 + i], W[B_0 + i], W[S + i] = c.bed[i], c.a[i], c.b[i], c.s[i]
-        W[P_0 + i], W[W_P + i], W[FRICTION + i] = c.p[i], c.w[i], 2.0 * c.friction[i]
-    W[A + n] = W[P + n] = 1.0
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -231,64 +227,40 @@ def level_at(W: Floats, share: Floats, apart: float) -> float:
     return float(level)
 
 
+@njit(cache=True, error_model="numpy")
+def between(at: float, last: int) -> tuple[int, float]:
+    """The point before a place among points 0 to `last`, and the weight of the next; both extrapolate."""
+    before = min(max(int(np.floor(at)), 0), last - 1)
+    return before, at - before
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(
-    first: int,
-    last: int,
-    start: Floats,
-    entering: Floats,
-    time: Floats,
-    inflow: Floats,
-    outflow: Floats,
-    lateral: Floats,
-    share: Floats,
-    gate: GateArrays,
-    exchange: ExchangeArrays,
-    leak_share: Floats,
-    pond_share: Floats,
-    operators: OperatorArrays,
-    observed: Floats,
-    nudge_time: float,
-    lift: Floats,
-    sections: Sections,
-    dx: float,
-    gate_time: float,
-    courant: float,
-    longest: float,
-    area: Floats,
-    discharge: Floats,
-    gates: Floats,
-    clock: Floats,
-    gate_state: Floats,
-    ponds: Floats,
-    at_cell: NDArray[np.int64],
-    cell_weight: Floats,
-    at_face: NDArray[np.int64],
-    face_weight: Floats,
-    level: Floats,
-    released: Floats,
-    levels: Floats,
-    discharges: Floats,
-    volume: Floats,
-    nudge: Floats,
-) -> tuple[int, int, int, int, float]:
+    start: Floats, entering: Floats, time: Floats, inflow: Floats, flow: "Flow",
+    lateral: Floats, share: Floats, leak_share: Floats, pond_share: Floats, gate: GateArrays,
+    exchange: ExchangeArrays, operators: OperatorArrays, observed: Floats, lift: Floats,
+    sections: Sections, dx: float, gate_time: float, courant: float, longest: float, places: Floats,
+    first: int, last: int,
+) -> tuple[int, int, int, int, float]:  # fmt: skip
     """Go through the days `first` to `last` - 1; arrays have a row per day.
 
     A day begins with the steady flow for a level `start` at x = L while `entering` (days, cells) [m3/s] comes
-    in along the reach, or, where `start` is empty, with the state given. The state arrays and the last six
-    are written; where there are operators, `outflow` too. What leaks and ponds take and the gate lets through
-    follows the level at each sample, where the water is nudged the observed one, and is held to the next.
+    in along the reach, or, where `start` is empty, with the state given. `flow` is written; its outflow only
+    where there are operators. What leaks and ponds take and the gate lets through follows the level at each
+    sample, where the water is nudged the observed one, and is held to the next.
 
-    Returns
-    -------
-    how, day, sample, cell, value
-        OK; or DRY and the cell; or UNSTABLE and the step that would do [s]; or UNSTEADY: no steady flow.
+    Returns how it ended, with the day, sample, cell and value: OK; or DRY and the cell; or UNSTABLE and the
+    step that would do [s]; or UNSTEADY: no steady flow.
     """
+    outflow, released, level = flow.outflow, flow.released, flow.level
+    area, discharge, gates, clock, gate_state, ponds = flow.end
     n = inflow.shape[1]
     c = len(sections.bed)
     W, memory = np.zeros(FIELDS), np.empty(MEMORY)
-    lay_out(W, sections)
-    W[LIFT : LIFT + c] = lift
+    W[BED : BED + c], W[A_0 : A_0 + c], W[B_0 : B_0 + c] = sections.bed, sections.a, sections.b
+    W[S : S + c], W[P_0 : P_0 + c], W[W_P : W_P + c] = sections.s, sections.p, sections.w
+    W[FRICTION : FRICTION + c], W[LIFT : LIFT + c] = 2.0 * sections.friction[:c], lift
+    W[A + c] = W[P + c] = 1.0  # a dummy behind the last cell; its face is overwritten
     rectangular = not (sections.s.any() or sections.a.any())
     commanded = len(operators.inflow) > 0
     for day in range(first, last):
@@ -315,19 +287,17 @@ def advance(
             fluxes(W, c)
 
             level[day, k] = 1.5 * W[Z + c - 1] - 0.5 * W[Z + c - 2]  # the gauge is at x = L
-            for j in range(len(at_cell)):
-                i, w = Z + at_cell[j], cell_weight[j]
-                levels[day, k, j] = (1.0 - w) * W[i] + w * W[i + 1]
-                i, w = Q_X + at_face[j], face_weight[j]
-                discharges[day, k, j] = (1.0 - w) * W[i + 1] + w * W[i + 2]
-            volume[day, k] = total(W, c) * dx
-            apart = 0.0
-            if nudge_time > 0.0 and np.isfinite(observed[day, k]):
-                apart = observed[day, k] - level[day, k]
-            rise = nudge[day, k] = apart / nudge_time if nudge_time > 0.0 else 0.0
+            for j in range(len(places)):
+                i, w = between(places[j] * c - 0.5, c - 1)  # middles of cells
+                flow.levels[day, k, j] = (1.0 - w) * W[Z + i] + w * W[Z + i + 1]
+                i, w = between(places[j] * c, c)  # faces
+                flow.discharges[day, k, j] = (1.0 - w) * W[Q_X + i + 1] + w * W[Q_X + i + 2]
+            volume = flow.volume[day, k] = total(W, c) * dx
+            apart = observed[day, k] - level[day, k] if np.isfinite(observed[day, k]) else 0.0
+            rise = flow.nudge[day, k] = apart / NUDGE_TIME
             if commanded:
                 outflow[day, k] = operate(operators, k, time[day, k], level[day, k], memory)
-            speed = wave_speed(W, c) if np.isfinite(volume[day, k]) else np.nan
+            speed = wave_speed(W, c) if np.isfinite(volume) else np.nan
             if k == 0 and fresh:
                 if usual == 0.0:
                     usual = clock[day, 2] = speed
@@ -365,10 +335,9 @@ def advance(
                 ponds[day, j] += into * interval / exchange.area[j]
                 add(W, c, pond_share[j], -into / dx)
             up, down = gates[day, 0], gates[day, 1]
-            given = outflow[day, k]
-            if not gate.plain:
-                given = gate_flow(gate, day, k, given, level[day, k] + apart, interval, gate_state[day])
-            released[day, k] = given
+            given = released[day, k] = gate_flow(
+                gate, day, k, outflow[day, k], level[day, k] + apart, interval, gate_state[day]
+            )
             to_up, to_down = inflow[day, k] - up, given - down
             moved = 0.0
             for step in range(1, steps + 1):
@@ -378,11 +347,10 @@ def advance(
                 mean = (passed - moved) / dt
                 moved = passed
                 way = min(1.0, step * dt / gate_time) if gate_time > 0.0 else 1.0
-                W[Q], W[Q_X + 1] = up + mean * to_up, up + way * to_up
                 accelerate(W, c, since, dx, ahead)
-                W[Q_X] = 2.0 * W[Q_X + 1] - W[Q_X + 2]
+                W[Q], W[Q_X + 1] = up + mean * to_up, up + way * to_up
                 W[Q + c], W[Q_X + c + 1] = down + mean * to_down, down + way * to_down
-                W[Q_X + c + 2] = 2.0 * W[Q_X + c + 1] - W[Q_X + c]
+                extend(W, Q_X + 1, Q_X + c + 1)
                 if fill(W, c, dt, dx, rise, sharp, rectangular) > 0:
                     for i in range(c):
                         if not W[A + i] > 0.0:
@@ -462,15 +430,9 @@ def backwater(Q: Floats, q: Floats, z_end: float, sections: Sections, dx: float,
 
 @njit(cache=True, error_model="numpy")
 def settle(
-    inflow: float,
-    outflow: float,
-    lateral: Floats,
-    start: float,
-    sections: Sections,
-    dx: float,
-    A: Floats,
+    inflow: float, outflow: float, lateral: Floats, start: float, sections: Sections, dx: float, A: Floats,
     Q: Floats,
-) -> bool:
+) -> bool:  # fmt: skip
     """Write A and Q of the steady flow with level `start` at x = L.
 
     Where inflow and outflow differ, the reach fills or empties at one rate everywhere: the flow that
