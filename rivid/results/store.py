@@ -131,13 +131,8 @@ def to_table(columns: Mapping[str, "list[Any] | pa.Array"], schema: pa.Schema) -
 
 def lists(values: Floats, given: Bools) -> pa.Array:
     """A column with, as cells, the rows of `values`, shape (n, width); empty where not `given`, (n,)."""
-    flat = np.ascontiguousarray(values[given], np.float64)
-    ends = np.cumsum(given * values.shape[1]).tolist()
-    starts = [start if is_given else None for start, is_given in zip([0, *ends], given, strict=False)]
-    offsets = pa.array([*starts, ends[-1] if ends else 0], pa.int32())
-    return pa.ListArray.from_arrays(
-        offsets, pa.Array.from_buffers(pa.float64(), flat.size, [None, pa.py_buffer(flat)])
-    )
+    cells = pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1], mask=pa.array(~given))
+    return cells.cast(pa.list_(pa.float64()))
 
 
 def finite(row: dict[str, Any]) -> dict[str, Any]:
@@ -229,10 +224,9 @@ def _with_sd(responses: pa.Table, rows: pa.Table) -> pa.Table:
     """The long table of responses, with their standard deviations; empty where a row has none."""
     lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
     has = np.repeat(rows["fir_sd"].is_valid().to_numpy(), lengths)
-    place = whole_numbers(np.where(has, np.cumsum(has) - 1, -1))
-    given = pc.list_flatten(rows["fir_sd"]).combine_chunks()
-    where = pc.if_else(pc.less(place, 0), pa.scalar(None, pa.int64()), place)
-    return responses.append_column("sd", given.take(where))
+    sd = np.zeros(len(has))
+    sd[has] = pc.list_flatten(rows["fir_sd"]).to_numpy()
+    return responses.append_column("sd", pa.array(sd, mask=~has))
 
 
 def whole_numbers(values: NDArray[np.int64]) -> pa.Array:
@@ -282,12 +276,11 @@ def write_record(out: Path, record: dict[str, Any]) -> None:
 
 def hashes(out: Path, files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files of OUT, by their path in it."""
-    return {str(path.relative_to(out)): _hash(path) for path in sorted(files)}
-
-
-def _hash(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    found = {}
+    for path in sorted(files):
+        with open(path, "rb") as file:
+            found[str(path.relative_to(out))] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
@@ -304,8 +297,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
 METHOD_VERSION = 6
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
-SHARD_PATIENCE = 20.0
-"""Time a shard waits for others to begin [s]: each holds the lock for a moment."""
+SHARD_PATIENCE = 20.0  # time a shard waits for others to begin [s]: each holds the lock for a moment
 
 COMPACT_ABOVE = 12
 """Segments from which a finished run merges them into one: reading many small files is slow."""
@@ -317,8 +309,7 @@ def digest(*parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-CHUNK = 8192
-"""Rows in memory at a time, and rows of a row group."""
+CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
 SHORT = (
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
@@ -347,19 +338,8 @@ class Rows:
         return bool(pc.any(self.table["spread"]).as_py())
 
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
-        """The rows of the given keys, in order of the keys and then of the estimators.
-
-        A key that several segments hold (a killed compaction) counts once: equal keys mean equal rows.
-        """
-        of_key = _place(self.table["key"], keys)
-        of_name = _place(self.table["estimator"], estimators)
-        place = of_key * len(estimators) + of_name
-        rows = np.flatnonzero((of_key >= 0) & (of_name >= 0))
-        rows = rows[np.argsort(place[rows], kind="stable")]
-        place = place[rows]
-        last = np.append(place[1:] != place[:-1], True)[: len(place)]
-        order = whole_numbers(rows[last])
-        return replace(self, table=self.table.take(order).combine_chunks())
+        """The rows of :func:`arranged`."""
+        return replace(self, table=arranged(self.table, keys, estimators))
 
     def chunks(self) -> Iterator[pa.Table]:
         """All columns of the rows in their order, :data:`CHUNK` at a time."""
@@ -367,19 +347,28 @@ class Rows:
             yield self._read(self.table.slice(start, CHUNK))
 
     def _read(self, part: pa.Table) -> pa.Table:
+        """All columns of some rows of the table."""
         units, rows = part["unit"].to_numpy(), part["row"].to_numpy()
-        order = np.lexsort((rows, units))
-        files: dict[Path, pq.ParquetFile] = {}
         tables = [SEGMENT.empty_table()]
         for unit in np.unique(units).tolist():
             path, group = self.units[unit]
-            if path not in files:
-                files = {path: _open(path)}
-            wanted = rows[order[units[order] == unit]]
-            tables.append(_cast(files[path].read_row_group(group)).take(whole_numbers(wanted)))
-        back = np.empty(len(order), np.int64)
-        back[order] = np.arange(len(order))
+            whole = _open(path).read_row_group(group).cast(SEGMENT)
+            tables.append(whole.take(whole_numbers(rows[units == unit])))
+        back = np.argsort(np.argsort(units, kind="stable"))
         return pa.concat_tables(tables).take(whole_numbers(back)).combine_chunks()
+
+
+def arranged(table: pa.Table, keys: Sequence[str], estimators: Sequence[str]) -> pa.Table:
+    """The rows of the given keys, in order of the keys and then of the estimators.
+
+    A key that several segments hold (a killed compaction) counts once: equal keys mean equal rows.
+    """
+    of_key = _place(table["key"], keys)
+    of_name = _place(table["estimator"], estimators)
+    place = of_key * len(estimators) + of_name
+    rows = np.flatnonzero((of_key >= 0) & (of_name >= 0))
+    rows = rows[np.unique(place[rows], return_index=True)[1]]
+    return table.take(whole_numbers(rows)).combine_chunks()
 
 
 def brief_results(rows: pa.Table, config: Config) -> Results:
@@ -423,9 +412,10 @@ def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tu
             if file.schema_arrow.names != SEGMENT.names:
                 damaged.append((path, ""))
                 continue
-            groups = []
-            for group in range(file.num_row_groups):
-                groups.append(_short(_cast(file.read_row_group(group)), len(units) + group))
+            groups = [
+                _short(file.read_row_group(group).cast(SEGMENT), len(units) + group)
+                for group in range(file.num_row_groups)
+            ]
         except (OSError, ValueError, pa.ArrowException) as error:
             damaged.append((path, str(error)))
             continue
@@ -453,10 +443,6 @@ def _open(path: Path) -> pq.ParquetFile:
     return pq.ParquetFile(path, page_checksum_verification=True)
 
 
-def _cast(table: pa.Table) -> pa.Table:
-    return table if table.schema.equals(SEGMENT) else table.cast(SEGMENT)
-
-
 def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
     """Index of each element among the values; -1 where it is missing."""
     found = pc.index_in(column, value_set=pa.array(list(values), pa.string()))
@@ -465,14 +451,13 @@ def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
 
 def _short(whole: pa.Table, unit: int) -> pa.Table:
     """The columns of a row group that stay in memory."""
-    n = len(whole)
-    failed = pc.equal(whole["status"], "failed")
-    table = whole.select(list(SHORT))
-    message = pc.if_else(failed, whole["message"], pa.scalar(None, pa.string()))
-    table = table.append_column("message", message)
-    table = table.append_column("spread", whole["fir_sd"].is_valid())
-    table = table.append_column("unit", whole_numbers(np.full(n, unit, np.int64)))
-    return table.append_column("row", whole_numbers(np.arange(n, dtype=np.int64)))
+    n, failed = len(whole), pc.equal(whole["status"], "failed")
+    return pa.table({name: whole[name] for name in SHORT} | {
+        "message": pc.if_else(failed, whole["message"], pa.scalar(None, pa.string())),
+        "spread": whole["fir_sd"].is_valid(),
+        "unit": whole_numbers(np.full(n, unit)),
+        "row": whole_numbers(np.arange(n)),
+    })  # fmt: skip
 
 
 class Store:

@@ -20,20 +20,14 @@ from rivid.errors import ConfigError, RividError
 from rivid.results.store import METHOD_VERSION
 from rivid.run.workers import ESTIMATING, Engine, without_pandas
 
-PATIENCE = 10
-"""Time in which a scheduler must answer [s]."""
+PATIENCE = 10  # time in which a scheduler must answer [s]
 
 CLOSING = 5
 """Time to wait for client and cluster to end [s]; all work is done by then: a late end is no error."""
 
-LOOK_AGAIN = 5.0
-"""Interval at which the workers of a scheduler are counted [s]."""
-
-STARTS = 3
-"""Attempts to start a cluster on this machine: a worker may be killed while it starts."""
-
-AT_LEAST = 16
-"""Least tasks offered to a standing scheduler: an adaptive cluster grows with its queue."""
+LOOK_AGAIN = 5.0  # interval at which the workers of a scheduler are counted [s]
+STARTS = 3  # attempts to start a cluster on this machine: a worker may be killed while it starts
+AT_LEAST = 16  # least tasks offered to a standing scheduler: an adaptive cluster grows with its queue
 
 OURS = {
     "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
@@ -80,9 +74,6 @@ class Dask(Engine):
         self._cluster: Any = None
         self._executor: Any = None
         self._counted = (0.0, 0)
-
-    def __enter__(self) -> "Dask":
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
         gone = self._client is not None and self._client.status != "running"

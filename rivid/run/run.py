@@ -36,11 +36,8 @@ from rivid.run.drawing import MOST_PAINTERS, draw_with
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes, warm
 from rivid.types import Bools, Floats
 
-BLOCK = 32
-"""Consecutive days of one shard: neighbours share files and windows."""
-
-MOST = 100_000
-"""Most shards of a run."""
+BLOCK = 32  # consecutive days of one shard: neighbours share files and windows
+MOST = 100_000  # most shards of a run
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,11 @@ def make_plan(
     with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
         facts = {path: FileFacts(**value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
-        facts |= _looked_ahead(logs.unread(data_dir, facts), config, engine)
+        paths = logs.unread(data_dir, facts)
+        large = sum(path.stat().st_size for path in paths) >= LISTED_HERE
+        if large and engine.slots > 1:  # in this order: a finished run contacts no scheduler
+            tasks = ((logs.look_ahead, path, config) for path in paths)
+            facts |= {task[1].name: found for task, found, _ in each(tasks, engine) if found is not None}
     catalog = logs.find_days(data_dir, config, facts, verify=options.verify)
     logs.refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
@@ -192,18 +193,9 @@ def _spans(
     return [(span, f"{moment:%Y-%m-%dT%H:%M:%S.%f}") for span, moment in zip(spans, begin, strict=True)]
 
 
-def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str, FileFacts]:
-    """Facts of new files of many days, found by all workers; none where the files are few."""
-    few = sum(path.stat().st_size for path in paths) < LISTED_HERE
-    if few or engine.slots == 1:  # in this order: a finished run contacts no scheduler
-        return {}
-    tasks = ((logs.look_ahead, path, config) for path in paths)
-    return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
-
-
 Done = Callable[[int], None]
-Refused = tuple[int, int, DataError]
-"""A row without an estimate: number of its window and of its estimator, and the reason."""
+Refused = tuple[Window, str, DataError]
+"""A row without an estimate: its window, its estimator, and the reason."""
 
 
 @dataclass(frozen=True)
@@ -219,35 +211,31 @@ class Batch:
 def estimate_batch(batch: Batch) -> pa.Table:
     """Read and estimate every window of a batch: a row of schema SEGMENT per window and estimator."""
     config, names = batch.config, batch.config.run.estimators
-    alike: dict[tuple[int, bool], list[tuple[int, DataSet]]] = defaultdict(list)
+    alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
     refused: list[Refused] = []
-    order: list[int] = []  # of the rows, those that are refused last
-    for at, window in enumerate(batch.windows):
+    for window in batch.windows:
         try:
             data = _read(batch, window)
         except DataError as error:
-            refused += [(at, k, error) for k in range(len(names))]
+            refused += [(window, name, error) for name in names]
         else:
-            alike[len(data.inflow), data.outflow is None].append((at, data))
+            alike[len(data.inflow), data.outflow is None].append((window, data))
     tables = []
     with threadpool_limits(1):
-        for group in alike.values():
-            places = [at for at, _ in group]
-            sets = [data for _, data in group]
-            days, shared, notes = _measured([batch.windows[at] for at in places], sets, config)
-            for k, (name, estimator) in enumerate(build(config).items()):
-                if len(sets[0].inflow) < estimator.min_samples:
+        for (n, _), group in alike.items():
+            windows = [window for window, _ in group]
+            days, shared, notes = _measured(windows, [data for _, data in group], config)
+            for name, estimator in build(config).items():
+                if n < estimator.min_samples:
                     reason = DataError(
-                        f"{len(sets[0].inflow)} samples are too few for {estimator.needed_for}: "
+                        f"{n} samples are too few for {estimator.needed_for}: "
                         f"lower {estimator.key}, or {config.run.lengthen}"
                     )
-                    refused += [(at, k, reason) for at in places]
-                    continue
-                order += [at * len(names) + k for at in places]
-                tables.append(_rows(days, shared, notes, config, name, estimator))
-    order += [at * len(names) + k for at, k, _ in refused]
-    tables.append(_refused(batch, refused))
-    return pa.concat_tables(tables).take(store.whole_numbers(np.argsort(order))).combine_chunks()
+                    refused += [(window, name, reason) for window in windows]
+                else:
+                    tables.append(_rows(days, shared, notes, config, name, estimator))
+    tables.append(_refused(refused, config))
+    return store.arranged(pa.concat_tables(tables), [window.key for window in batch.windows], names)
 
 
 def _read(batch: Batch, window: Window) -> DataSet:
@@ -262,11 +250,10 @@ def _read(batch: Batch, window: Window) -> DataSet:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
 
-def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
+def _refused(refused: Sequence[Refused], config: Config) -> pa.Table:
     """Rows without an estimate, and the reason."""
-    windows = [batch.windows[at] for at, _, _ in refused]
-    columns = _named(windows, batch.config) | {
-        "estimator": [batch.config.run.estimators[k] for _, k, _ in refused],
+    columns = _named([window for window, _, _ in refused], config) | {
+        "estimator": [name for _, name, _ in refused],
         "status": ["pending" if isinstance(reason, PendingError) else "failed" for _, _, reason in refused],
         "message": [printable(" ".join(str(reason).split())[:500]) for _, _, reason in refused],
     }
@@ -289,8 +276,9 @@ def _measured(
     reach = config.reach
     inflow = np.stack([data.inflow for data in sets])
     output = np.stack([data.output for data in sets])
-    outflow = [data.outflow for data in sets if data.outflow is not None]  # all of a group, or none
-    days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
+    logged = [data.outflow for data in sets if data.outflow is not None]  # all of a group, or none
+    outflow = np.stack(logged) if logged else None
+    days = Days.of(inflow, output, outflow, config.run.min_motion)
     notes = [[data.notes] if data.notes else [] for data in sets]
     mean_inflow = inflow.mean(axis=1)
     level = output.mean(axis=1) if reach.kind == "pool" else np.full(len(sets), np.nan)
@@ -299,8 +287,7 @@ def _measured(
             notes[i].append(
                 f"mean level {level[i]:.2f} m is not above [reach] bed_level: depth of [reach] taken"
             )
-    discharge = np.stack(outflow).mean(axis=1) if outflow else mean_inflow
-    bounds = reach.bounds(discharge, level)
+    bounds = reach.bounds(mean_inflow if outflow is None else outflow.mean(axis=1), level)
     return days, _named(windows, config) | {
         "n_samples": [len(data.inflow) for data in sets],
         "n_filled": [data.n_filled for data in sets],
@@ -341,8 +328,8 @@ def _rows(
         "message": ["; ".join(_notes(i, notes[i], answer, days, config, name, estimator)) for i in range(n)],
     }
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
-        columns[column] = given(getattr(answer, column))
-    identified: Bools = np.asarray(answer.status != "unidentifiable")
+        columns[column] = getattr(answer, column)
+    identified = np.asarray(answer.status != "unidentifiable", bool)
     if answer.fir is not None:
         columns["fir"] = store.lists(answer.fir, identified)
         if answer.fir_sd is not None:
@@ -445,8 +432,8 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
     except engine.died:
         if len(batch.windows) == 1:
             reason = DataError("the worker process died on this day (out of memory?)")
-            rows: list[Refused] = [(0, k, reason) for k in range(len(batch.config.run.estimators))]
-            store.write_segment(segments, _refused(batch, rows))
+            rows: list[Refused] = [(batch.windows[0], name, reason) for name in batch.config.run.estimators]
+            store.write_segment(segments, _refused(rows, batch.config))
             done(1)
             return
         middle = len(batch.windows) // 2
@@ -457,8 +444,7 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
 LEAST_BATCH, BATCH_DAYS = 128, 366
 """Least and most days of a batch: enough to be worth a file, and a year, so that one worker reads its log."""
 
-BATCHES_EACH = 4
-"""Batches for each worker, so that all end at about the same time."""
+BATCHES_EACH = 4  # batches for each worker, so that all end at about the same time
 
 ONE_PROCESS_BELOW = 1000
 """New days below which starting worker processes takes longer than the estimates themselves."""
@@ -480,9 +466,9 @@ class Summary:
     `computed_keys` of them were estimated in this run, `asked_keys` were selected by its options, `reused`
     were taken over from earlier runs; `dropped` of earlier runs have no logs any more, as OUT mirrors
     DATA_DIR. `counts` has the rows per estimator and status. `new_failures` and `new_bad_files` are those of
-    `failures` (days) and `bad_files` (path, reason) that no finished run has reported. `damaged` segments
-    were dropped. `unasked` estimators of the run before are no longer configured: their rows leave the
-    tables.
+    `failed` (content keys of days) and `bad_files` (path, reason) that no finished run has reported.
+    `damaged` segments were dropped. `unasked` estimators of the run before are no longer configured: their
+    rows leave the tables.
     """
 
     out: Path
@@ -492,7 +478,7 @@ class Summary:
     asked_keys: set[str]
     reused: int
     dropped: int
-    failures: int
+    failed: list[str]
     new_failures: int
     counts: dict[str, dict[str, int]]
     bad_files: list[tuple[str, str]]
@@ -511,6 +497,11 @@ class Summary:
     def computed(self) -> int:
         """Data sets estimated in this run."""
         return len(self.computed_keys)
+
+    @property
+    def failures(self) -> int:
+        """Days that failed."""
+        return len(self.failed)
 
 
 def run(
@@ -558,7 +549,7 @@ def run(
                     run_batches(batches, held.segments, estimating, done)
         windows = planned.asked if options.shard else planned.windows
         rows = (held.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
-        summary, failed = _summarise(rows, planned, new, kept, config, before, held)
+        summary = _summarise(rows, planned, new, kept, config, before, held)
         if not options.shard:
             keys = store.hash_of(rows.table)
             content = store.digest(keys, config.as_used(), summary.bad_files, SCHEMA_VERSION)
@@ -570,7 +561,7 @@ def run(
                     "reused": summary.reused,
                     "counts": summary.counts,
                     "bad_files": summary.bad_files,
-                    "failed": failed,
+                    "failed": summary.failed,
                 }
                 files = _write(out, rows, now, before, began, options, engine, painters)
                 store.write_record(out, now | {"content": content, "outputs": store.hashes(out, files)})
@@ -632,8 +623,7 @@ def _summarise(
     config: Config,
     before: dict[str, Any],
     held: Store,
-) -> tuple[Summary, list[str]]:
-    """The summary, and the content keys of the days that failed."""
+) -> Summary:
     table = rows.table
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
@@ -645,7 +635,7 @@ def _summarise(
         counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
     failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
     failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
-    summary = Summary(
+    return Summary(
         out=held.out,
         rows=table,
         windows=len(planned.windows),
@@ -653,7 +643,7 @@ def _summarise(
         asked_keys={w.key for w in planned.asked},
         reused=len(pc.unique(table["key"])) - len(new),
         dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
-        failures=len(failed),
+        failed=failed,
         new_failures=len(set(failed) - set(before.get("failed", []))),
         counts=counts,
         bad_files=bad_files,
@@ -661,7 +651,6 @@ def _summarise(
         damaged=held.damaged,
         unasked=[str(name) for name in known if str(name) not in config.run.estimators],
     )
-    return summary, failed
 
 
 def _write(
@@ -683,7 +672,5 @@ def _write(
         (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
         return files
     store.write_record(out, now | store.UNFINISHED | {"failed": before.get("failed", [])})
-    if engine is not None and engine.draws:
-        return files + draw_with(engine, out, now)
-    with processes(painters, DRAWING) as painting:
+    with nullcontext(engine) if engine and engine.draws else processes(painters, DRAWING) as painting:
         return files + draw_with(painting, out, now)
