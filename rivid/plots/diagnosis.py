@@ -46,12 +46,9 @@ RANK = 0.8
 
 The last day in this order is a day of a broken gauge more often than of a typical gap.
 """
-WHOLE = 0.8
-"""Smallest share of the samples of a full day that the plotted day has."""
-POINTS = 1500
-"""Points of the course of a season at most, about as many as the figure has pixels across."""
-BINS = 8
-"""Bins of a logged series: blocks of a short season fill as many."""
+WHOLE = 0.8  # smallest share of the samples of a full day that the plotted day has
+POINTS = 1500  # points of the course of a season at most, about as many as the figure has pixels across
+BINS = 8  # bins of a logged series: blocks of a short season fill as many
 FEWEST = 4
 """Blocks of days that a bin needs for an interval: with fewer, t gives intervals as wide as the panel."""
 
@@ -187,8 +184,7 @@ def daily_means(values: Floats, used: Bools) -> Floats:
 
 # The unexplained inflow over the season
 
-Window = tuple[str, dt.date, dt.date]
-"""An effect and the dates on which it acts, both ends included."""
+Window = tuple[str, dt.date, dt.date]  # an effect and the dates on which it acts, both ends included
 
 
 def draw_inflow(

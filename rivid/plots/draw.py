@@ -21,11 +21,8 @@ from rivid.text import count, day_range, delays, probability, response_unit, sam
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
 """How the names of these figures begin in OUT/figures."""
 
-Job = tuple[str, str]
-"""A figure to draw: its kind, and the estimator it shows; empty for all of them."""
-
-Drawn = tuple[Figure, str, dict[str, Any]]
-"""A figure, its title on a page and the facts of its caption."""
+Job = tuple[str, str]  # a figure to draw: its kind, and the estimator it shows; empty for all of them
+Drawn = tuple[Figure, str, dict[str, Any]]  # a figure, its title on a page and the facts of its caption
 
 
 def jobs(results: Results) -> list[Job]:
@@ -115,8 +112,7 @@ FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults],
     "delay_discharge": ("Delay and discharge", 2.62, estimates.delay_discharge),
 }
 """Figures of one estimator by kind: title, height of the panel [inch] and what draws it."""
-DATED = ("t50", "tdr", "delay_map")
-"""Figures over the days of the record."""
+DATED = ("t50", "tdr", "delay_map")  # figures over the days of the record
 
 
 # All impulse responses of one day (Fig. 12)

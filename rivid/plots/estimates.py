@@ -26,17 +26,14 @@ ROBUST = (1.0, 99.0)
 One scale for the record: with a scale per day, the grey of a bar would depend on its two most extreme, and
 least certain, coefficients, and the step at d would be hidden by stripes.
 """
-DARKEST = 0.45
-"""Opacity of a cell of probability 1: marks and lines stay readable on it."""
+DARKEST = 0.45  # opacity of a cell of probability 1: marks and lines stay readable on it
 GOLDEN = 0.6180339887498949
 """Fraction of the golden ratio: its multiples modulo 1 are evenly spread for any number of marks."""
 FAR = 6.0
 """Days so many interquartile ranges beyond the quartiles are marked at the edge of a panel of t50, so that
 single days do not compress the others."""
-WIDER = 2.5
-"""A bound widens a panel of t50 up to so many times what the days need; beyond, text names it."""
-GROUPS = 60
-"""A bound over the discharge is the line through the medians of so many groups of days."""
+WIDER = 2.5  # a bound widens a panel of t50 up to so many times what the days need; beyond, text names it
+GROUPS = 60  # a bound over the discharge is the line through the medians of so many groups of days
 DASHED = (0, (4, 2))
 
 COLOURS = {"data decide": style.INK, "data do not decide": style.LIGHT, "degenerate": style.GREY}

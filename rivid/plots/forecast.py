@@ -13,10 +13,8 @@ from rivid.plots.files import FigureFile
 from rivid.text import duration
 
 mdates: Any = matplotlib.dates  # it has no types
-BEFORE = 1.0
-"""Time that is shown before the origin, over that after it."""
-OUTER, INNER = 0.16, 0.3
-"""Opacities of the 90 and the 50 % band."""
+BEFORE = 1.0  # time that is shown before the origin, over that after it
+OUTER, INNER = 0.16, 0.3  # opacities of the 90 and the 50 % band
 
 
 def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:

@@ -12,10 +12,8 @@ from rivid.plots.style import Picture
 from rivid.text import response_unit
 from rivid.types import Floats
 
-Panel = tuple[float, Callable[[Axes], Any]]
-"""Height [inch], and the function that draws the panel."""
-Curve = tuple[Floats, str, str]
-"""Values, colour and label."""
+Panel = tuple[float, Callable[[Axes], Any]]  # height [inch], and the function that draws the panel
+Curve = tuple[Floats, str, str]  # values, colour and label
 
 
 def picture(title: str, note: str, panels: Sequence[Panel], between: float = 0.34) -> Picture:

@@ -24,12 +24,10 @@ from rivid.results.read import Results, day_numbers, rayleigh
 from rivid.text import count, delays, listed, number, response_unit, share
 from rivid.types import Floats
 
-OFTEN = 500.0
-"""The paper counts the days below this discharge [m3/s]."""
+OFTEN = 500.0  # the paper counts the days below this discharge [m3/s]
 DELAY, ALPHA_I, ALPHA_O, K_Q, K_H = 7, 1e-4, 1.2e-4, 1.0, -1000.0
 """Of the paper's Fig. 10: d [samples], K_i T_s / A and K_o T_s / A [m per m3/s], K_Q [-], K_h [m2/s]."""
-SHOWN = 50
-"""Lags of Fig. 10."""
+SHOWN = 50  # lags of Fig. 10
 CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "ml": ("ML", {"color": style.LIGHT, "lw": 0.9, "marker": "o", "ms": 2.6}),
     "map": ("MAP", {"color": style.WATER, "lw": 1.4}),
@@ -454,8 +452,7 @@ def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     return figure
 
 
-IN_GREY = ("ml", "map", "jmap-uniform", "jmap")
-"""Estimators of Figs 13 to 16, which have one scale of greys."""
+IN_GREY = ("ml", "map", "jmap-uniform", "jmap")  # estimators of Figs 13 to 16, which have one scale of greys
 
 
 def _tdr(name: str) -> Callable[..., Figure]:

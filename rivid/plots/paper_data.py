@@ -176,8 +176,7 @@ def _estimates(year: Year, name: str) -> EstimatorResults:
 EMPIRICAL = 3
 """The operators' uncertainty: three sampling periods either side of their nominal value (section VI)."""
 
-HELD = 0.9
-"""Share of the days that a fluctuation interval holds."""
+HELD = 0.9  # share of the days that a fluctuation interval holds
 
 
 @dataclass(frozen=True, eq=False)

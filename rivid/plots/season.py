@@ -15,10 +15,8 @@ from rivid.results.season import NAME, Joined, SeasonDays
 from rivid.text import count, day_range, duration
 from rivid.types import Floats
 
-DARKEST = 0.36
-"""Opacity of a cell of probability 1: the band lies over it."""
-BAND = 0.16
-"""Opacity of the band."""
+DARKEST = 0.36  # opacity of a cell of probability 1: the band lies over it
+BAND = 0.16  # opacity of the band
 WAYS = {"forward": "each day knows those before it", "both": "each day knows all days"}
 
 

@@ -41,12 +41,9 @@ NO_DATA = "#F4E8D4"
 STATUS_COLOURS = {"failed": ACCENT, "unidentifiable": INK, "pending": LIGHT}
 
 DPI = 150
-WIDTH = 9.2
-"""Width of every figure [inch]."""
-VECTOR_DPI = 300
-"""Resolution of images inside a vector file, such as the time-day representation."""
-NOTE = 130
-"""Characters of the line of facts that fit in the width of a figure."""
+WIDTH = 9.2  # width of every figure [inch]
+VECTOR_DPI = 300  # resolution of images inside a vector file, such as the time-day representation
+NOTE = 130  # characters of the line of facts that fit in the width of a figure
 
 STYLE = {
     "font.family": "DejaVu Sans",

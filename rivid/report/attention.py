@@ -13,21 +13,16 @@ from rivid.results.read import EstimatorResults, Results, candidates, estimates_
 from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats
 
-SHOWN = 25
-"""Rows that are open on the page; the others unfold. More fill more than one screen."""
+SHOWN = 25  # rows that are open on the page; the others unfold. More fill more than one screen
 
 CROWD = 0.25
 """Days at a bound have one row where they are more than this share of the days and more than SHOWN."""
 
-BAND_DAYS = 30
-"""Fewest days of a band: with fewer, its ends are the two most extreme days."""
-
-TAIL = 0.05
-"""Share of the days beyond each end of the band."""
+BAND_DAYS = 30  # fewest days of a band: with fewer, its ends are the two most extreme days
+TAIL = 0.05  # share of the days beyond each end of the band
 
 
-Row = dict[str, Any]
-"""Consecutive days with the same reason to look at them, as of :func:`_row`."""
+Row = dict[str, Any]  # consecutive days with the same reason to look at them, as of `_row`
 
 
 def _row(

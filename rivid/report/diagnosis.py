@@ -27,8 +27,7 @@ from rivid.report.page import data_uri, write_page
 from rivid.results.store import described, to_table, write_parquet
 from rivid.text import count, shown_in
 
-BAND = 1.959964
-"""Standard deviations to either side of a 95 % band."""
+BAND = 1.959964  # standard deviations to either side of a 95 % band
 SCHEMA, MEANINGS = described("""
 time | clock | | local time without zone, as in the logs
 w_m3s | number | m3/s | inflow that no log explains, with the named effects in the model
@@ -39,10 +38,8 @@ low_before | number | m3/s | lower end of its 95 % band
 high_before | number | m3/s | upper end of its 95 % band
 """)
 """unexplained_inflow.parquet: a row for each used sample."""
-MOST_PARAMETERS = 12
-"""Parameters on the card of an effect; diagnosis.json holds all."""
-WIDTH, INDENT = 80, 11
-"""Columns of the terminal summary, and of its keys."""
+MOST_PARAMETERS = 12  # parameters on the card of an effect; diagnosis.json holds all
+WIDTH, INDENT = 80, 11  # columns of the terminal summary, and of its keys
 NOISE = {
     "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),

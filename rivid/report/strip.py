@@ -19,8 +19,7 @@ LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
 FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "height": HEIGHT}
 """Edges of the drawing, for the template."""
 
-LEAST = 4.0
-"""Smallest span of the delays shown [samples]: a calm record looks calm."""
+LEAST = 4.0  # smallest span of the delays shown [samples]: a calm record looks calm
 
 LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "doubt", "at a bound": "doubt"}
 """Class of the mark of a day by the class of its delay."""

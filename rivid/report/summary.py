@@ -19,20 +19,17 @@ from rivid.results.read import EstimatorResults, Results
 from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
-WEEK = 7
-"""Days of a week; the last week ends with the record."""
+WEEK = 7  # days of a week; the last week ends with the record
 
 WEEKS = 8
 """Weeks before the last one that it is compared with: about the length of a season of flow and programme."""
 
-FEWEST_DAYS = 3
-"""A week with fewer decided days is left out: a trimmed mean of two is no mean."""
+FEWEST_DAYS = 3  # a week with fewer decided days is left out: a trimmed mean of two is no mean
 
 FEWEST_WEEKS = 4
 """Fewest weeks before the last one for a test: with three, Student's t would need a factor of 9.9."""
 
-LEVEL = 0.01
-"""Two-sided level of the test for a move: one false alarm in two years of weeks."""
+LEVEL = 0.01  # two-sided level of the test for a move: one false alarm in two years of weeks
 
 LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
 """Two-sided limits of Student's t at :data:`LEVEL`, with one degree of freedom less than the number of weeks
@@ -49,14 +46,9 @@ takes as long in less than half of the depth."""
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range describes the record better."""
 
-MOST_REASONS = 3
-"""Reasons of unidentifiable days that are listed; the table of days has all."""
-
-LITTLE = 0.25
-"""A river's jump delay is called of little use where the prior decides a larger share of days."""
-
-OFTEN = 1 / 3
-"""The headline mentions the prior where it decides this share of the days or more."""
+MOST_REASONS = 3  # reasons of unidentifiable days that are listed; the table of days has all
+LITTLE = 0.25  # a river's jump delay is called of little use where the prior decides a larger share of days
+OFTEN = 1 / 3  # the headline mentions the prior where it decides this share of the days or more
 
 
 @dataclass(frozen=True)

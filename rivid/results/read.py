@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-SCHEMA_VERSION = 1
-"""Version of the results contract; a reader refuses a newer one."""
+SCHEMA_VERSION = 1  # version of the results contract; a reader refuses a newer one
 
 
 @dataclass(frozen=True)
@@ -151,8 +150,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-RECORD = "run.json"
-"""The record of a run: settings, counts and versions, and the hashes of its files."""
+RECORD = "run.json"  # the record of a run: settings, counts and versions, and the hashes of its files
 
 
 def last_record(out: Path) -> dict[str, Any]:
@@ -306,11 +304,8 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
     return p
 
 
-MOST = 0.8
-"""The share of days that a range holds: four days in five."""
-
-FEW = 9
-"""With fewer days, no thirds and no range of four days in five."""
+MOST = 0.8  # the share of days that a range holds: four days in five
+FEW = 9  # with fewer days, no thirds and no range of four days in five
 
 CLEAR = 0.7
 """t50 falls with the flow where a day of low flow has the longer t50 in this share of pairs of days."""

@@ -23,8 +23,7 @@ from rivid.results.read import matrix, refuse_parts
 from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
-LONGEST = 40_000
-"""Most calendar days of a season: one wrong date in a log must not exhaust the memory."""
+LONGEST = 40_000  # most calendar days of a season: one wrong date in a log must not exhaust the memory
 
 
 @dataclass(frozen=True)
