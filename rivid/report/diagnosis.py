@@ -4,7 +4,6 @@ This module computes and formats numbers; the sentences are in the templates ``d
 """
 
 import datetime as dt
-import html
 import textwrap
 from collections.abc import Mapping
 from itertools import groupby
@@ -23,7 +22,7 @@ from rivid.plots import diagnosis as plots
 from rivid.plots.files import FigureFile
 from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
-from rivid.report.page import data_uri, write_page
+from rivid.report.page import data_uri, sentence, terminal, write_page
 from rivid.results.store import described, to_table, write_parquet
 from rivid.text import count, shown_in
 
@@ -70,7 +69,6 @@ def write_diagnosis(
     files = draw_pictures(out, diagnosis, evidence) if draw else []
     drop_old(out / "figures", files, plots.KINDS)
     known = effect_classes() if classes is None else classes
-    quantities.environment()
     shown, gap = quantities.as_shown(diagnosis), diagnosis.gap
     record = evidence.record if evidence is not None else None
     river = record is not None and record.kind == "river"
@@ -111,7 +109,7 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
             rows, (_, unit) = quantities.gap_rows(gap), quantities.scale(gap)
             files.append(plots.draw_gap(folder, rows, gap.horizon_h, unit, len(gap.heldout_dates)))
         if loop is not None and loop.shown is not None:
-            words = quantities.sentence("loop", loop, named)
+            words = sentence("loop", loop, named)
             files.append(plots.draw_loop(folder, loop.shown, words, named=named))
         if evidence is not None and evidence.record.used.any():
             windows = [(quantities.name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
@@ -187,15 +185,14 @@ def _toml(table: Mapping[str, Any]) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the result in a sentence: what is missing, its size and its time."""
-    return quantities.sentence("headline", quantities.as_shown(diagnosis))
+    return sentence("headline", quantities.as_shown(diagnosis))
 
 
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
-    template = quantities.environment().get_template("diagnosis.txt.j2")
     diagnosis = quantities.as_shown(diagnosis)
     ranking, lines = quantities.explanations(diagnosis.ranking)[0], list[str]()
-    for line in html.unescape(template.render(d=diagnosis, ranking=ranking)).splitlines():
+    for line in terminal("diagnosis", d=diagnosis, ranking=ranking).splitlines():
         key, _, text = line.partition("\t")
         if key == "Gap":
             lines += _gap_lines(diagnosis.gap) if diagnosis.gap is not None else []
@@ -230,5 +227,5 @@ def _gap_lines(gap: Gap) -> list[str]:
         short = name if len(name) <= width else f"{name[: width - 3]}..."
         start = ("Gap" if i == 0 else "").ljust(INDENT) + short.ljust(width)
         lines.append(start + "".join(f"{cell:>8}" for cell in cells))
-    share = quantities.sentence("closed", gap)
+    share = sentence("closed", gap)
     return lines + (_entry(" ", share) if share else [])

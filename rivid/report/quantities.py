@@ -1,19 +1,14 @@
 """Numbers, names, dates and hours of a diagnosis as text, for its page, figures and terminal summary."""
 
 import datetime as dt
-import html
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
-from rivid.report import page
-from rivid.text import count, day_range, listed, shown_in
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
+from rivid.text import day_range, listed, shown_in
 
 NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
 """Parameters that give a time or a place; the headline states the first of the others."""
@@ -21,6 +16,9 @@ NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession
 
 MOST_NAMES = 4
 """Most explanations with a name in the ranking of a page; a model holds as many effects at most."""
+
+
+UNITS = re.compile(r"(?<=\d) (?=(?:%|m³/s|mm|min|h|s|samples?|days?)(?!\w))")  # between a number and its unit
 
 
 class Explanation(NamedTuple):
@@ -56,7 +54,7 @@ def name(code: str) -> str:
 
 def tight(text: str) -> str:
     """Return the text with no-break spaces between numbers and units, and m³/s as pages write it."""
-    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text.replace("m3/s", "m³/s"))
+    return UNITS.sub("\u00a0", text.replace("m3/s", "m³/s"))
 
 
 def _decimals(spread: float, value: float) -> int:
@@ -231,25 +229,3 @@ def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, flo
     named = [row for row in rows if row.kind == "named"]
     left = named[MOST_NAMES:]
     return [row for row in rows if row not in left], len(left), sum(row.probability for row in left)
-
-
-def environment() -> "Environment":
-    """Return the environment of all templates, with the formats of this module as filters."""
-    made = page.environment()
-    formats = (name, size, estimate, when, p_value, error, period, closed, printable, percent)
-    made.filters |= {function.__name__: function for function in formats}
-    made.filters |= {
-        "count": count,
-        "listed": lambda parts, last="and": listed(list(parts), last),
-        "oneline": lambda text: type(text)(printable(text)),  # what is escaped stays so, and is not again
-        "tight": lambda text: type(text)(tight(text)),
-        "initial": lambda text: text[:1].upper() + text[1:],
-    }
-    made.globals |= {"VERDICTS": VERDICTS, "zip": zip}
-    return made
-
-
-def sentence(macro: str, *values: Any) -> str:
-    """Return the text of a macro of ``diagnosis_words.j2``, on one line and without HTML escapes."""
-    words = environment().get_template("diagnosis_words.j2").module
-    return html.unescape(printable(getattr(words, macro)(*values)))
