@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
@@ -113,7 +113,7 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
     for _, floor, _ in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
         ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
-    ax.yaxis.set_major_locator(FixedLocator(y.tolist()))
+    ax.set_yticks(y)
     ax.tick_params(axis="y", length=0)
 
 
@@ -143,7 +143,7 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
             extent=(dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5, 0, 24),
         )  # fmt: skip
         style.date_axis(ax, dates[0], dates[-1])
-        ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
+        ax.set_yticks(range(0, 25, 6))
         style.heading(ax, words if len(maps) == 2 else "")
     panels[0].set_ylabel("hour of the day")
     for ax in panels[1:]:
@@ -151,7 +151,7 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     bar = style.panel(figure, style.WIDTH - 0.8, 0.55, 0.13, 2.73)
     scale = np.linspace(-1, 1, 255)[:, None]
     bar.imshow(scale, cmap=SIGNED, aspect="auto", origin="lower", extent=(0, 1, -top, top))
-    bar.xaxis.set_ticks([])
+    bar.set_xticks([])
     bar.yaxis.tick_right()
     bar.set_ylabel("unexplained inflow [m³/s]")
     bar.yaxis.set_label_position("right")
@@ -237,7 +237,7 @@ def draw_inflow(
             style.few_ticks(ax, "x", bins=4)
             ax.tick_params(axis="y", labelleft=False)
         else:
-            style.hour_axis(ax)
+            ax.set(xlim=(0, 24), xticks=range(0, 25, 6))
             ax.set_ylabel("mean [m³/s]")
             style.heading(ax, "Its mean by hour and by logged series", up=6, fontweight="bold")
         if not any(np.isfinite(mean).any() for _, mean, _ in found):
@@ -361,7 +361,7 @@ def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | N
 def _hours_of_day(panels: Sequence[Axes], bins: int) -> None:
     """Grids and a common axis of hours of panels below each other, with up to `bins` intervals of values."""
     for ax in panels:
-        style.hour_axis(ax, 3)
+        ax.set(xlim=(0, 24), xticks=range(0, 25, 3))
         style.few_ticks(ax, bins=bins)
         ax.grid(True)
         ax.tick_params(axis="x", labelbottom=ax is panels[-1])

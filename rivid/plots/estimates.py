@@ -126,7 +126,7 @@ def tdr(
     if M:
         style.lag_ticks(ax, -0.5, M - 0.5)
     else:
-        style.no_ticks(ax, "y")
+        ax.set_yticks([])
     if M and sample_time is not None:
         style.second_axis(ax, sample_time, "lag [minutes]")
 
@@ -196,7 +196,7 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
     _framed(bar)
     bar.xaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
     ax.spines["bottom"].set_visible(False)
-    style.no_ticks(ax)
+    ax.set_xticks([])
     return bar
 
 
@@ -271,7 +271,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     ax.yaxis.grid(True)
     if not places.size:
-        style.no_ticks(ax)
+        ax.set_xticks([])
         return
     delay_ticks(ax, places[0], places[-1], results.sample_time)
     for bound, side, name in ((places[0], -0.5, "d_min"), (places[-1], 0.5, "d_max")):
@@ -313,7 +313,7 @@ def delay_map(
     if tried.size:
         style.second_axis(ax, results.sample_time, "d T_s [minutes]")
     else:
-        style.no_ticks(ax, "y")
+        ax.set_yticks([])
 
 
 def probability_cells(
@@ -400,11 +400,11 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
         bounds_over_flow(ax, results, e, shown)
     else:
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
-        style.no_ticks(ax)
+        ax.set_xticks([])
     if tried.size:
         style.second_axis(ax, results.sample_time, unit)
     else:
-        style.no_ticks(ax, "y")
+        ax.set_yticks([])
 
 
 def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> None:
@@ -458,7 +458,7 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
     ax.set_xlabel("mean inflow of the data set [m³/s]")
     if not shown.any():
-        style.no_ticks(ax)
+        ax.set_xticks([])
         return
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown])
@@ -478,7 +478,7 @@ def _t50_days(
     ax.set_ylabel("t50 [samples]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a t50.")
-        style.no_ticks(ax, "y")
+        ax.set_yticks([])
         return
     bounds = [tau[np.isfinite(tau)] / results.sample_time for tau in (e.bound_kinematic_s, e.bound_gravity_s)]
     low, high = t50_window(e.t50[shown], [tau for tau in bounds if tau.size])

@@ -346,7 +346,7 @@ def priors(sheet: Sheet, year: Year, estimated: Results, i: int, *__: Any) -> Fi
         at = factor * float(jmap.roughness_sd[i])
         right.axvline(at, color=style.ACCENT, lw=1.6, label="estimated by Table VI")
         right.set_xlim(0, factor * sd[-1])
-    style.no_ticks(right, "y")
+    right.set_yticks([])
     right.xaxis.set_major_locator(MaxNLocator(nbins=6))
     right.set_ylabel("density")
     right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(estimated.output_unit)}]")

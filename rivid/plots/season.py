@@ -93,8 +93,7 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     ax.set_xlabel("mean inflow [m³/s]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(days.dates), 'day')} has a travel time and a discharge.")
-        style.no_ticks(ax)
-        style.no_ticks(ax, "y")
+        ax.set(xticks=[], yticks=[])
         return
     Q, T = days.discharge[shown], days.travel[shown] / days.sample_time
     low, high = (

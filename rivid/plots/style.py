@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from rivid.atomic import replacing
@@ -266,10 +266,6 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
     ax.yaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
 
 
-def no_ticks(ax: Axes, which: str = "x") -> None:
-    getattr(ax, f"{which}axis").set_major_locator(NullLocator())
-
-
 def second_axis(ax: Axes, sample_time: float, label: str = "minutes") -> Axes:
     """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
 
@@ -300,12 +296,6 @@ def minutes_above(ax: Axes, sample_time: float) -> None:
     ax.annotate(unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY)
 
 
-def hour_axis(ax: Axes, every: int = 6) -> None:
-    """Hours of the day as the x axis."""
-    ax.set_xlim(0, 24)
-    ax.xaxis.set_major_locator(FixedLocator(list(range(0, 25, every))))
-
-
 def power_of_ten(values: Floats) -> tuple[float, str]:
     """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4"."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
@@ -329,68 +319,52 @@ Ticks = tuple[list[float], list[float], list[str]]
 """Places of the lines, places of the labels (day numbers) and labels of an axis of dates."""
 
 
-def date_ticks(first: dt.date, last: dt.date) -> Ticks:
-    """Ticks for the days from `first` to `last`, about ten to twenty of them.
+def date_ticks(first: dt.date, last: dt.date, width: float = 100.0) -> Ticks:
+    """Ticks for the days from `first` to `last`: ten to twenty, or as many as `width` [inch] allows.
 
     Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
     under the first of its labels.
     """
     span = (last - first).days + 1
-    if span <= 80:
-        step = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
-        days = [first + dt.timedelta(days=k) for k in range(0, span, step)]
-        at = [float(day.toordinal()) for day in days]
-        return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
     step = 1 if span <= 900 else 12
-    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
-    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
-    starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
-    if span > 5500:
-        every = -(-span // 5500)
-        starts = [day for day in starts if day.year % every == 0 and first <= day <= last]
-        at = [day.toordinal() - 0.5 for day in starts]
-        return at, at, [str(day.year) for day in starts]
-    low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
-    lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
-    shown, places = [], []
-    for day, after in zip(starts, starts[1:], strict=False):
-        a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
-        if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
-            shown.append(day)
-            places.append((a + b) / 2)
-    if step == 12:
-        return lines, places, [str(day.year) for day in shown]
-    return lines, places, _with_year(shown, [MONTHS[day.month - 1] for day in shown])
-
-
-def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
-    seen: set[int] = set()
-    named = []
-    for day, label in zip(days, labels, strict=True):
-        named.append(label if day.year in seen else f"{label}\n{day.year}")
-        seen.add(day.year)
-    return named
-
-
-def thinned(ticks: Ticks, most: int) -> Ticks:
-    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays."""
-    lines, places, names = ticks
-    every = -(-len(names) // most)
-    labels, year = [], ""
-    for i, label in enumerate(names):
-        name, _, own = label.partition("\n")
-        year = own or year
-        if i % every == 0:
-            labels.append(f"{name}\n{year}" if year else name)
-            year = ""
-    return lines[::every] if len(lines) == len(places) else lines, places[::every], labels
+    if span <= 80:
+        every = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
+        days = [first + dt.timedelta(days=k) for k in range(0, span, every)]
+        lines = places = [float(day.toordinal()) for day in days]
+        names = [f"{day.day} {MONTHS[day.month - 1]}" for day in days]
+    else:
+        begin = first.year * 12 + (first.month - 1 if step == 1 else 0)
+        months = range(begin, (last.year + 1) * 12 + 13, step)
+        starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
+        starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
+        if span > 5500:
+            every = -(-span // 5500)
+            days = [day for day in starts if day.year % every == 0 and first <= day <= last]
+            lines = places = [day.toordinal() - 0.5 for day in days]
+        else:
+            low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
+            lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
+            days, places = [], []
+            for day, after in zip(starts, starts[1:], strict=False):
+                a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
+                if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
+                    days.append(day)
+                    places.append((a + b) / 2)
+        names = [MONTHS[day.month - 1] if step == 1 else str(day.year) for day in days]
+    longest = max([4, *map(len, names)])  # letters; a year has four
+    every = -(-len(names) // max(int(width / (LETTER * longest)), 1))
+    if len(lines) == len(places):
+        lines = lines[::every]
+    labels, year = [], 0
+    for day, name in list(zip(days, names, strict=True))[::every]:
+        labels.append(name if step == 12 or day.year == year else f"{name}\n{day.year}")
+        year = day.year
+    return lines, places[::every], labels
 
 
 def date_axis(ax: Axes, first: dt.date, last: dt.date, *, labels: bool = True) -> None:
     """Days from `first` to `last` as the x axis, with as many labels as the panel's width allows."""
-    ticks = date_ticks(first, last)
-    longest = max((len(line) for label in ticks[2] for line in label.split("\n")), default=1)
-    lines, places, names = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
+    lines, places, names = date_ticks(first, last, inches(ax)[0])
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
     ax.xaxis.remove_overlapping_locs = False  # up to 80 days a label is at its line
     ax.set_xticks(lines, [""] * len(lines))
@@ -411,10 +385,9 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     lift = (STRIP + STRIP_GAP) * inch
     ax.set_position((box.x0, box.y0 + lift, box.width, box.height - lift))
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
-    no_ticks(ax)
+    ax.set_xticks([])
     strip = figure.add_axes((box.x0, box.y0, box.width, STRIP * inch))
-    strip.set_ylim(0, 1)
-    no_ticks(strip, "y")
+    strip.set(ylim=(0, 1), yticks=[])
     strip.spines["left"].set_visible(False)
     date_axis(strip, first, last)
     days = (last - first).days + 1
