@@ -61,6 +61,15 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
 
 # The errors some hours ahead
 
+BARS: dict[str, dict[str, Any]] = {
+    "baseline": {"label": "without any effect", "color": BEFORE},
+    "step": {"label": "effects added", "color": AFTER},
+    "described": {
+        "label": "events timed on the day", "facecolor": "white", "edgecolor": AFTER, "hatch": "/////",
+        "linewidth": 0.8,
+    },
+}  # fmt: skip
+"""Bars by the kind of a simulation."""
 Row = tuple[str, str, Sequence[float], Sequence[float] | None]
 """A simulation: kind, name, and errors by horizon on the sealed and, where known, on the open days."""
 
@@ -92,14 +101,8 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
     ax.set_xlim(0, 1.28 * (max(shown, default=0.0) or 1.0))
     ax.set_ylim(-0.5, len(bars) - 0.5)
     for at, (kind, value, known) in zip(y, bars, strict=True):
-        look: dict[str, Any] = {"color": AFTER, "label": "effects added"}
-        if kind == "baseline":
-            look = {"color": BEFORE, "label": "without any effect"}
-        elif kind == "described":
-            look = {"facecolor": "white", "edgecolor": AFTER, "hatch": "/////", "linewidth": 0.8}
-            look |= {"label": "events timed on the day"}
         if np.isfinite(value):
-            ax.barh(at, value, 0.62, **look)
+            ax.barh(at, value, 0.62, **BARS[kind])
         if np.isfinite(known):
             ax.plot(
                 known, at, "o", ms=4.5, mfc="white", mec=style.INK, mew=1.0, zorder=3,
@@ -110,8 +113,9 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
             xytext=(5, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
-    for _, floor, _ in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
-        ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
+    for kind, floor, _ in values:
+        if kind == "floor" and np.isfinite(floor):
+            ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     ax.set_yticks(y)
     ax.tick_params(axis="y", length=0)

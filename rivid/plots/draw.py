@@ -97,10 +97,8 @@ def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
     lag, name = (e.delay, "delay d") if read.found(e).any() else (e.t50, "t50")
     estimates.tdr(
         ax, read.day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
-        sample_time=results.sample_time,
+        sample_time=results.sample_time, unit=response_unit(results.output_unit),
     )  # fmt: skip
-    if e.answered.any():
-        estimates.grey_scale(ax, estimates.grey_limits(fir), response_unit(results.output_unit))
 
 
 FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults], Any]]] = {

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgba
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
@@ -78,6 +78,7 @@ def tdr(
     high: Floats | None = None,
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
+    unit: str = "",
 ) -> None:
     """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
@@ -85,12 +86,14 @@ def tdr(
     M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
     [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
     90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
-    minutes. `greys` are the values that are white and black, by default those of the figure's own responses.
+    minutes. `greys` are the values that are white and black, by default those of the figure's own responses;
+    `unit`, that of the responses, adds their scale.
     """
     x, M = np.asarray(day, float), fir.shape[1]
     at = (x - x[0]).astype(int)
     days = int(at[-1]) + 1
     answered = np.isfinite(fir).any(axis=1)
+    white, black = grey_limits(fir) if greys is None else greys
     width = style.inches(ax)[0]
     ax.set_facecolor(style.NO_DATA)
     if answered.any():
@@ -98,7 +101,6 @@ def tdr(
         image[:, at[answered]] = fir[answered].T
         if days > 380:  # narrower than pixels: matplotlib averages neighbours; repeated lags stay separate
             image = np.repeat(image, -(-400 // M), axis=0)
-        white, black = grey_limits(fir) if greys is None else greys
         ax.imshow(
             image, cmap="Greys", vmin=white, vmax=black, origin="lower", aspect="auto",
             extent=(x[0] - 0.5, x[-1] + 0.5, -0.5, M - 0.5),
@@ -106,8 +108,7 @@ def tdr(
         ax.set_autoscale_on(False)
     else:
         style.message(ax, f"None of the {count(len(x), 'day')} has a response.")
-    marked = answered & np.isfinite(lag if lag is not None else np.full(len(x), np.nan))
-    if lag is not None and marked.any():
+    if lag is not None and (marked := answered & np.isfinite(lag)).any():
         half = max(0.5, 0.75 * days / (72 * width))  # day; a mark is at least 1.5 points long
         for colour, thick in (("white", 2.9), (style.ACCENT, 1.7)):  # the white edge contrasts with any grey
             ax.hlines(lag[marked], x[marked] - half, x[marked] + half, colors=colour, linewidths=thick)
@@ -123,17 +124,18 @@ def tdr(
         look = {"marker": "s", "color": style.NO_DATA, "markersize": 6, "markeredgecolor": style.LIGHT}
         style.entry(ax, "no response", **look)
     ax.set_ylabel("lag k [samples]")
-    if M:
-        style.lag_ticks(ax, -0.5, M - 0.5)
-    else:
+    if not M:
         ax.set_yticks([])
-    if M and sample_time is not None:
+        return
+    style.lag_ticks(ax, -0.5, M - 0.5)
+    if sample_time is not None:
         style.second_axis(ax, sample_time, "lag [minutes]")
+    if unit and answered.any():
+        _grey_scale(ax, white, black, unit)
 
 
-def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
-    """The scale of greys of :func:`tdr` above the right end of its panel."""
-    low, high = greys
+def _grey_scale(ax: Axes, low: float, high: float, unit: str) -> None:
+    """The scale of greys above the right end of a panel."""
     figure: Any = ax.get_figure(root=True)
     width, height = (float(v) for v in figure.get_size_inches())
     bar = style.panel(
@@ -283,18 +285,21 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
         )  # fmt: skip
 
 
-def delay_map(
-    ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True, bounds: bool = True
-) -> None:
-    """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
+def delay_map(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
+    """Delay of each day over the record (Fig. 17), on an x axis of day numbers.
 
-    Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
+    `counted`: with numbers of days in the legend, and the bounds (5): a wave arrives after (d + 1) T_s.
     """
     x, tried = read.day_numbers(e.dates), read.candidates(e)
-    if tried.size:
-        bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
-        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
-        ax.yaxis.grid(True)
+    ax.set_ylabel("delay d [samples]")
+    if not read.found(e).any():
+        style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
+    if not tried.size:
+        ax.set_yticks([])
+        return
+    bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
+    style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
+    ax.yaxis.grid(True)
     if e.probability is not None:
         at = (x - x[0]).astype(int)
         p = np.zeros((len(e.candidates), at[-1] + 1))
@@ -305,30 +310,22 @@ def delay_map(
         if days.any():
             label = _class_label(name, e, int(days.sum()), counted)
             style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
-    if not read.found(e).any():
-        style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
-    if tried.size and bounds:
+    if counted:
         bounds_over_days(ax, results, e, lead=1.0)
-    ax.set_ylabel("delay d [samples]")
-    if tried.size:
-        style.second_axis(ax, results.sample_time, "d T_s [minutes]")
-    else:
-        ax.set_yticks([])
+    style.second_axis(ax, results.sample_time, "d T_s [minutes]")
 
 
 def probability_cells(
-    ax: Axes, first: float, delay: ArrayLike, probability: Floats, darkest: float = DARKEST
+    ax: Axes, first: float, delay: NDArray[Any], probability: Floats, darkest: float = DARKEST
 ) -> None:
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
     `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
     `probability`, shape (D, days), is 0 where there is none; probability 1 has the opacity `darkest`.
     """
-    d = np.asarray(delay, float)
-    image = np.zeros((*probability.shape, 4))
-    image[..., :3] = to_rgb(style.INK)
+    image = np.full((*probability.shape, 4), to_rgba(style.INK))
     image[..., 3] = darkest * probability
-    extent = (first - 0.5, first + probability.shape[1] - 0.5, d[0] - 0.5, d[-1] + 0.5)
+    extent = (first - 0.5, first + probability.shape[1] - 0.5, delay[0] - 0.5, delay[-1] + 0.5)
     limits = ax.get_xlim(), ax.get_ylim()
     ax.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
     ax.set(xlim=limits[0], ylim=limits[1])

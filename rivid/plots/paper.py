@@ -446,7 +446,7 @@ def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     figure, panels = sheet(note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
     for letter, ax, (name, words) in zip("abc", panels, _panels(year), strict=True):
         style.date_axis(ax, year.dates[0], year.dates[-1], labels=letter == "c")
-        estimates.delay_map(ax, estimated, estimated.of(name), counted=False, bounds=False)
+        estimates.delay_map(ax, estimated, estimated.of(name), counted=False)
         style.name_panel(ax, letter, words)
     style.figure_key(panels)
     return figure
@@ -469,10 +469,10 @@ def _tdr(name: str) -> Callable[..., Figure]:
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
-        look: dict[str, Any] = {"lag": e.delay, "sample_time": estimated.sample_time, "greys": greys}
-        estimates.tdr(ax, day_numbers(e.dates), e.fir, **look)
-        if e.answered.any():
-            estimates.grey_scale(ax, greys, response_unit(estimated.output_unit))
+        estimates.tdr(
+            ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time, greys=greys,
+            unit=response_unit(estimated.output_unit),
+        )  # fmt: skip
         style.key(ax)
         return figure
 
