@@ -42,10 +42,8 @@ NAME_LENGTH = 36
 SHARE = 0.99
 """Share of the cells of the map inside the colour scale: single extreme hours must not dominate it."""
 RANK = 0.8
-"""Rank of the plotted day among the days kept apart by the error of the simulation without effects.
-
-The last day in this order is a day of a broken gauge more often than of a typical gap.
-"""
+"""Rank of the plotted day by the error of the simulation without effects: the last is a day of a broken gauge
+more often than of a typical gap."""
 WHOLE = 0.8  # smallest share of the samples of a full day that the plotted day has
 POINTS = 1500  # points of the course of a season at most, about as many as the figure has pixels across
 BINS = 8  # bins of a logged series: blocks of a short season fill as many
@@ -163,10 +161,7 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
 
 
 def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
-    """Mean of each hour of each calendar day, shape (24, calendar days); NaN without valid samples.
-
-    `values`, `hour` [h] and `used` have the shape (days, n).
-    """
+    """Mean of each hour of each calendar day, shape (24, calendar days), of samples (days, n)."""
     day = np.array([(date - dates[0]).days for date in dates])
     cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * day[:, None]
     return cell_means(values, cell, used, 24 * (int(day[-1]) + 1)).reshape(-1, 24).T
@@ -290,13 +285,11 @@ def edges_of(driver: Floats, used: Bools) -> Floats:
 def means(
     series: Floats, driver: Floats, used: Bools, block: ArrayLike, edges: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean of a series in each bin of a driver, with 95 % intervals.
+    """Mean of the driver, mean of a series in its bins, and half width of the 95 % interval, shape (bins,).
 
-    Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The last bin holds its
-    upper edge. Returns the mean of the driver, the mean of the series and the half width of its interval,
-    each of shape (bins,): NaN where a bin has no samples or, for the interval, fewer than :data:`FEWEST`
-    blocks. The variance is that of a ratio of sums over blocks, by linearisation, with Student's t on blocks
-    less one.
+    Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The variance is that of
+    a ratio of sums over blocks, by linearisation, with Student's t on blocks less one. NaN where a bin has no
+    samples or, for the interval, fewer than :data:`FEWEST` blocks. The last bin holds its upper edge.
     """
     k = max(len(edges) - 1, 0)
     if not k:

@@ -26,12 +26,7 @@ Drawn = tuple[Figure, str, dict[str, Any]]  # a figure, its title on a page and 
 
 
 def jobs(results: Results) -> list[Job]:
-    """The figures of a run (Figs 12-18), in the order of the report.
-
-    Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
-    delay_discharge, where it estimates delays; then the responses of one day. For a river, t50 and
-    t50_discharge of the leading estimator.
-    """
+    """The figures of a run (Figs 12-18), in the order of the report."""
     leading = read.leading_response(results)
     listed: list[Job] = []
     for e in results.estimators:
@@ -47,8 +42,7 @@ def jobs(results: Results) -> list[Job]:
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
     """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it.
 
-    Responses are those of `day`, a typical one by default. Equal results give equal bytes. ConfigError where
-    `day` has no response, RividError where a file cannot be written.
+    Responses are those of `day`, a typical one by default; ConfigError where it has none.
     """
     kind, name = job
     with style.styled():

@@ -21,11 +21,8 @@ from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
 ROBUST = (1.0, 99.0)
-"""Percentiles of all coefficients that are white and black.
-
-One scale for the record: with a scale per day, the grey of a bar would depend on its two most extreme, and
-least certain, coefficients, and the step at d would be hidden by stripes.
-"""
+"""Percentiles of all coefficients of the record that are white and black: with a scale per day, the grey of a
+bar would depend on its two most extreme, and least certain, coefficients."""
 DARKEST = 0.45  # opacity of a cell of probability 1: marks and lines stay readable on it
 GOLDEN = 0.6180339887498949
 """Fraction of the golden ratio: its multiples modulo 1 are evenly spread for any number of marks."""
@@ -82,12 +79,11 @@ def tdr(
 ) -> None:
     """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
-    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
-    M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
-    [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
-    90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
-    minutes. `greys` are the values that are white and black, by default those of the figure's own responses;
-    `unit`, that of the responses, adds their scale.
+    `day`, shape (n,), are whole numbers in increasing order; `fir`, shape (n, M), is NaN on days without a
+    response. `lag` [samples], shape (n,), is marked on each day, `label` in the legend, and the set of delays
+    from `low` to `high` [samples] where it holds more than one. `sample_time` [s] adds an axis in minutes.
+    `greys` are the values that are white and black, by default by the responses themselves; their `unit`
+    adds a scale.
     """
     x, M = np.asarray(day, float), fir.shape[1]
     at = (x - x[0]).astype(int)
@@ -158,10 +154,9 @@ def _framed(ax: Axes) -> None:
 def response(
     ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
 ) -> None:
-    """The impulse response of one day, shape (M,), with its jump from d to d + 1.
+    """The impulse response of one day, shape (M,), with two standard deviations `sd` to either side.
 
-    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none. A band shows two
-    standard deviations `sd`, shape (M,), to either side.
+    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none.
     """
     k = np.arange(len(fir))
     ax.axhline(0, color=style.LIGHT, lw=0.7)
@@ -240,7 +235,7 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
     """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
-    The legend is `counted`: it has numbers of days; without them several panels can share it.
+    The legend has numbers of days where it is `counted`; without them several panels can share it.
     """
     places, days = read.candidates(e), read.found(e)
     top = np.zeros(len(places))
@@ -321,7 +316,7 @@ def probability_cells(
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
     `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
-    `probability`, shape (D, days), is 0 where there is none; probability 1 has the opacity `darkest`.
+    `probability`, shape (D, days), is 0 where there is none.
     """
     image = np.full((*probability.shape, 4), to_rgba(style.INK))
     image[..., 3] = darkest * probability
@@ -338,10 +333,7 @@ def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
-    """Travel times (5) over the record, where they are within the panel.
-
-    A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
-    """
+    """Travel times tau (5) over the record, at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50."""
     x, (low, high) = read.day_numbers(e.dates), ax.get_ylim()
     bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
     if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
@@ -494,10 +486,7 @@ def _t50_days(
 
 
 def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
-    """Lags [samples] that a panel of t50 shows: the days, and the bounds that leave them enough space.
-
-    `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
-    """
+    """Ends of a panel of t50: the days, and the bounds, nearest first, that leave them enough space."""
     first, third = (float(q) for q in np.quantile(t50, (0.25, 0.75)))
     reach = FAR * (third - first) or np.inf
     near = t50[(t50 >= first - reach) & (t50 <= third + reach)]

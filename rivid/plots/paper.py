@@ -51,9 +51,8 @@ def draw_paper(
     """Draw the paper's figures as ``fig02.png``, ``fig02.svg`` and so on; the same logs give the same bytes.
 
     `cascade` are the reaches of Fig. 19, at least one; `day` is that of Figs 7 and 12, a typical one by
-    default. `progress` is called with the number of each of :data:`FIGURES` before it is drawn. Returns the
-    files in the paper's order, the kind of each being its number. ConfigError if `day` has no impulse
-    response, RividError if a file cannot be written.
+    default: ConfigError if it has no impulse response. `progress` is called with the number of each of
+    :data:`FIGURES` before it is drawn.
     """
     i = choose(estimated, day)
     dam = "downstream" if year.outflow else "upstream"

@@ -24,19 +24,14 @@ from rivid.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Year:
-    """Data sets of a pool, in date order.
-
-    `inflow` and `outflow` are u_Qi and u_Qo [m3/s], `level` is h_L [m]: an array of shape (N,) per date; N
-    differs where a clock is changed. `outflow` is empty where it is not logged. `left_out` days have a log
-    that cannot be used.
-    """
+    """Data sets of a pool, in date order: an array (N,) per date; N differs where a clock is changed."""
 
     config: Config
     dates: tuple[dt.date, ...]
-    inflow: tuple[Floats, ...]
-    outflow: tuple[Floats, ...]
-    level: tuple[Floats, ...]
-    left_out: int = 0
+    inflow: tuple[Floats, ...]  # u_Qi [m3/s]
+    outflow: tuple[Floats, ...]  # u_Qo [m3/s]; empty where it is not logged
+    level: tuple[Floats, ...]  # h_L [m]
+    left_out: int = 0  # days with a log that cannot be used
 
     @property
     def sample_time(self) -> float:

@@ -145,11 +145,10 @@ def sheet(
     bottom: float = 0.66,
     heading: float | None = None,
 ) -> tuple[Picture, list[Axes]]:
-    """A figure with a title, a line of facts under it (cut at :data:`NOTE` characters), and a grid of panels.
+    """A figure with a title, a line of facts under it, and a grid of panels, which are returned row by row.
 
     `heights` of the rows, from the top, `gap` between columns and between rows, the margins, and `heading`,
-    the left end of title and note (`left` by default), are in inches; `widths` are parts of the width that is
-    left. The panels are returned row by row.
+    the left end of title and note (`left` by default), are in inches; `widths` are parts.
     """
     height = top + sum(heights) + gap[1] * (len(heights) - 1) + bottom
     figure = Picture(figsize=(WIDTH, height), dpi=DPI)
@@ -266,11 +265,8 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
     ax.yaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
 
 
-def second_axis(ax: Axes, sample_time: float, label: str = "minutes") -> Axes:
-    """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
-
-    `label` is what the axis shows, with ``minutes`` for the unit.
-    """
+def second_axis(ax: Axes, sample_time: float, label: str) -> Axes:
+    """A right-hand axis for a left-hand one in samples; "minutes" in its label become hours from two on."""
     low, high = ax.get_ylim()
     unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
@@ -315,12 +311,10 @@ STRIP, STRIP_GAP = 0.11, 0.05
 """Height of the strip of days without an answer, and its distance from the panel [inch]."""
 
 
-Ticks = tuple[list[float], list[float], list[str]]
-"""Places of the lines, places of the labels (day numbers) and labels of an axis of dates."""
-
-
-def date_ticks(first: dt.date, last: dt.date, width: float = 100.0) -> Ticks:
-    """Ticks for the days from `first` to `last`: ten to twenty, or as many as `width` [inch] allows.
+def date_ticks(
+    first: dt.date, last: dt.date, width: float = 100.0
+) -> tuple[list[float], list[float], list[str]]:
+    """Places of lines, and places and texts of labels, from `first` to `last`; `width` [inch] allows so many.
 
     Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
     under the first of its labels.
@@ -414,9 +408,8 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
     The palette halves the size of the file. The method of maximum coverage changes no colour of these
-    figures by more than 8 of 255; a median cut changes rare ones by up to 60. The palette is sought among
-    the distinct colours, about a thousand, of stretches of equal pixels: in a quarter of the time that all
-    pixels take. RividError where the file cannot be written.
+    figures by more than 8 of 255; a median cut changes rare ones by up to 60. It is sought among the distinct
+    colours of stretches of equal pixels: in a quarter of the time that all pixels take.
     """
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
@@ -435,7 +428,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def save_vector(figure: Figure, path: Path) -> None:
-    """Write an SVG atomically; the same figure gives the same bytes. RividError as :func:`save`."""
+    """Write an SVG atomically; the same figure gives the same bytes."""
     # the ids inside an SVG are hashes with a salt, which is random by default
     salt: dict[Any, Any] = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
     with matplotlib.rc_context(salt), replacing(path) as scratch:

@@ -22,7 +22,7 @@ BAND_DAYS = 30  # fewest days of a band: with fewer, its ends are the two most e
 TAIL = 0.05  # share of the days beyond each end of the band
 
 
-Row = dict[str, Any]  # consecutive days with the same reason to look at them, as of `_row`
+Row = dict[str, Any]  # consecutive days with the same reason to look at them
 
 
 def _row(
@@ -30,10 +30,9 @@ def _row(
 ) -> Row:
     """A row: `kind` is failed, unidentifiable, pending, degenerate, at_bound or far.
 
-    `estimators` report it; `message` is the reason that the run gives. `value` is the delay, travel time or
-    t50 of the day [samples], NaN where it has none or where days differ; `decided` is whether the data decide
-    it. `band` is that of the record for `far` and the bounds for many days at the bounds in one row
-    [samples]; `of` are the days of the record where `days` are counted as a share of it, otherwise 0.
+    `value` is the delay, travel time or t50 [samples], NaN where days differ; `band` [samples] is that of the
+    record for `far`, or the bounds for many days at them, `of` the days of the record, of which `days` are a
+    share.
     """
     row = {"first": first, "last": last, "days": days, "kind": kind, "estimators": estimators}
     return row | {"message": "", "value": float("nan"), "band": None, "of": 0, "decided": True} | more
@@ -43,9 +42,7 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
     """Return the days to look at, the latest first.
 
     Estimators that degenerate by construction are not listed where they have an answer. An estimator with
-    many days at its bounds has one row for all of them.
-
-    Only the days of `recent`, the estimator that represents the reach, are compared with a band.
+    many days at its bounds has one row for all of them. Only the days of `recent` are compared with a band.
     """
     rows, alike = list[Row](), dict[tuple[dt.date, str, str, float], list[str]]()
     for e in results.estimators:
@@ -111,12 +108,7 @@ def far(recent: LastWeek) -> list[Row]:
 
 
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
-    """Count the days of the rows for the estimators that represent the reach.
-
-    Returns `links` (first and last day inside the last week, kind, index of the row), `days` of the last
-    week, `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
-    `no_log`: whether a day of the last week has no log.
-    """
+    """Count the days of the rows for the estimators that represent the reach."""
     lead = leading(results)
     representing = {recent.estimator.estimator} | (
         {lead.estimator} if lead and estimates_delay(lead) else set()
@@ -135,12 +127,12 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str
             links.append((min(inside), max(inside), row["kind"], k))
     begin = max(recent.first, recent.estimator.dates[0])
     return {
-        "links": links,
+        "links": links,  # first and last day inside the last week, kind, index of the row
         "days": len(late),
         "earlier": len(early),
         "latest": max(early) if early else None,
-        "others": len(others - late - early),
-        "no_log": int(recent.week.sum()) < (recent.last - begin).days + 1,
+        "others": len(others - late - early),  # that only other estimators report
+        "no_log": int(recent.week.sum()) < (recent.last - begin).days + 1,  # on a day of the last week
     }
 
 

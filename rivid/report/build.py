@@ -36,10 +36,7 @@ def write_report(
 ) -> Path:
     """Write OUT/report.html, which needs no other file and requests nothing from any server; return its path.
 
-    `results` are all of OUT, `figures` are embedded in order of their estimators. `summary` is run.json: the
-    page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file and reason) and,
-    where given, d_min, d_max, order and delay_scale in use. RividError if the page cannot be written or a
-    figure cannot be read.
+    `figures` are embedded in order of their estimators; `summary` is run.json.
     """
     recent = last_week(results)
     rows = attention(results, recent)
@@ -101,10 +98,7 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[tuple[str, list[tu
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Sections of the configuration as text, and the values in use where the configuration has "bounds".
-
-    Their names are the keys of the configuration.
-    """
+    """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
     keys = {"d_min": "d_min", "d_max": "d_max", "order": "order", "delay_scale": "sigma_d"}
     tables = {"in use": {key: summary[name] for name, key in keys.items() if name in summary}}
     tables |= {f"[{section}]": keys for section, keys in (summary.get("config") or {}).items()}

@@ -60,10 +60,9 @@ def write_diagnosis(
 ) -> Path:
     """Write the page (returned), diagnosis.json, unexplained_inflow.parquet and figures/diagnosis_*.png.
 
-    Other files in OUT remain; figures of an earlier diagnosis are removed, also without `draw`. `evidence` is
-    None if there were too few data, `reach` is the name on the page, and `classes` describe the effects by
-    name, :func:`rivid.effects.effect_classes` by default. Each file is written atomically, diagnosis.json
-    last, and equal results give equal bytes. RividError if a file cannot be written.
+    Figures of an earlier diagnosis are removed, also without `draw`. `evidence` is None if there were too few
+    data, and `classes` describe the effects by name, :func:`rivid.effects.effect_classes` by default. Each
+    file is written atomically, diagnosis.json last, and equal results give equal bytes.
     """
     write_inflow(out / "unexplained_inflow.parquet", evidence)
     files = draw_pictures(out, diagnosis, evidence) if draw else []

@@ -29,11 +29,7 @@ if TYPE_CHECKING:
 
 @cache
 def environment() -> "Environment":
-    """Return the Jinja environment of all templates, made once in a process.
-
-    Its globals are the functions of :mod:`rivid.text` and the style sheet, its filters the formats of
-    :mod:`rivid.report.quantities`.
-    """
+    """Return the Jinja environment of all templates, made once in a process."""
     from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
     from markupsafe import Markup
 

@@ -216,8 +216,7 @@ def explanation(names: Sequence[str], unknown: str | None) -> str:
 def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, float]:
     """Return the rows of a ranking, the number of explanations left out, and their joint probability.
 
-    "Nothing missing" and those without any name are always among the rows, with the :data:`MOST_NAMES` most
-    probable others.
+    "Nothing missing" and those without any name are always among the rows.
     """
     rows = [
         Explanation(

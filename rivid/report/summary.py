@@ -53,24 +53,17 @@ OFTEN = 1 / 3  # the headline mentions the prior where it decides this share of 
 
 @dataclass(frozen=True)
 class LastWeek:
-    """The last week of the estimator that represents the reach.
-
-    `quantity` is t50, travel (travel times with their fraction) or delay (d); `values`, shape (n,), are of
-    every day of the record [samples], NaN where there is none. `decided`, shape (n,), are days with a value
-    that the data decide (not prior_only, not degenerate). `week`, shape (n,), are rows of the last week;
-    `first` and `last` are its ends, the record may have begun later. `median` is that of the week [samples],
-    NaN without a value; `trend` is that of :func:`trend`, None where there are too few days for a test.
-    """
+    """The last week of the estimator that represents the reach, and n days of its record."""
 
     estimator: EstimatorResults
-    quantity: str
-    values: Floats
-    decided: Bools
-    week: Bools
-    first: dt.date
+    quantity: str  # t50, travel (travel times with their fraction) or delay (d)
+    values: Floats  # of every day [samples], (n,); NaN where there is none
+    decided: Bools  # days with a value that the data decide (not prior_only, not degenerate), (n,)
+    week: Bools  # days of the last week, (n,)
+    first: dt.date  # its ends; the record may have begun later
     last: dt.date
-    median: float
-    trend: dict[str, Any] | None
+    median: float  # of the week [samples], NaN without a value
+    trend: dict[str, Any] | None  # of :func:`trend`
 
     @property
     def whole(self) -> bool:
@@ -90,13 +83,11 @@ class LastWeek:
 
 
 def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
-    """Count and condense the rows of one estimator over the record.
+    """Count and condense the rows of one estimator over the record; NaN where there is no number.
 
-    The counts are of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay:
-    `at_bound`, `prior_only`, `too_fast` (:func:`impossible`). Delays [samples]: the one or two most frequent
-    in order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
-    answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
-    the delays: `probability`, `least`; NaN where there are none.
+    Delays are in samples: the one or two most frequent in order (`common`), and 80 % of the days from `low`
+    to `high`. `condition`, `noise_sd` [output unit] and `alpha` [(m3/s)^2] are medians of the answered days,
+    `probability` and `least` the median and the lowest of the delays.
     """
     e, days = estimator, read.found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
@@ -130,10 +121,7 @@ def _median(values: Floats) -> float:
 
 
 def leading(results: Results) -> EstimatorResults | None:
-    """Return the estimator that represents the record; None without any row.
-
-    The first of those with a delay that have the highest rank, or else the first at all.
-    """
+    """Return the first estimator of the highest rank among those with a delay, or else the first at all."""
     having = [e for e in results.estimators if e.dates]
     return max(
         having,
@@ -179,16 +167,14 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     Student's t of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken
     below the one that their days would give if they were independent.
 
-    `values`, shape (n,), are the delay, travel time or t50 of the decided days [samples], `ago` their weeks
-    before the last one (:func:`weeks_ago`). Returns medians [samples] of the last week (`now`) and of all
-    days before (`before`), lowest and highest median of the weeks before (`low`, `high`), `days` of the last
-    week, `weeks` before it that count, `t` and `moved`. None with fewer than three days in the last week, or
-    fewer than four weeks before that have three.
+    `values`, shape (n,), are those of the decided days [samples], `ago` their weeks before the last one. None
+    with fewer than three days in the last week, or fewer than four weeks before that have three; otherwise
+    medians [samples] of the last week (`now`), of all days `before`, and the lowest and highest of the weeks
+    before (`low`, `high`).
 
     Simulated with delays that are correlated from day to day by 0 to 0.8, its size is 0.2 to 1.6 %, and a
     move of one sample (two) is found in 45 to 14 % (98 to 63 %) of the records. Counting the days outside the
-    band of the year before, as if they were independent, exceeds its level twelvefold and finds 1 to 8 % of
-    the small moves.
+    band of the year before, as if they were independent, exceeds its level twelvefold.
     """
     count = np.bincount(ago, minlength=WEEKS + 1)[: WEEKS + 1]
     weeks = np.flatnonzero(count >= FEWEST_DAYS)
@@ -260,10 +246,9 @@ def stepped(recent: LastWeek) -> tuple[dt.date, float, float] | None:
 def impossible(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> tuple[Bools, Bools]:
     """Return the days with an arrival that the geometry excludes: too fast and too slow, each of shape (n,).
 
-    Too fast is more than a sample before the gravity wave; too slow is more than a sample after
-    :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal: of the gravity wave
-    in a pool, of the kinematic wave in a river. The arrival is t50 where that is the `quantity`, else the
-    travel time, or all that d allows.
+    Too fast is more than a sample before the gravity wave, too slow more than a sample after
+    :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal. The arrival is t50
+    where that is the `quantity`, else the travel time, or all that d allows.
     """
     e, T_s = estimator, results.sample_time
     if quantity == "t50":
@@ -276,7 +261,7 @@ def impossible(results: Results, estimator: EstimatorResults, quantity: str = "d
 
 
 def _wave(results: Results, e: EstimatorResults) -> Floats:
-    """Travel time of the wave that carries the signal [s], shape (n,)."""
+    """Travel time [s] of the wave that carries the signal, gravity in a pool, kinematic in a river; (n,)."""
     return e.bound_gravity_s if results.output_unit == "m" else e.bound_kinematic_s
 
 
@@ -293,11 +278,9 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
-    """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
+    """Condense a run and its last week into one record of numbers, dates and codes.
 
-    These are `assumed`, `first`, `last`, `days`, `no_log` (first and last days of gaps), `missing` (days),
-    and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is
-    nothing to report. Lags are in samples, bounds in seconds.
+    Its parts are None where there is nothing to report. Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), read.leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})

@@ -313,35 +313,25 @@ CLEAR = 0.7
 
 @dataclass(frozen=True)
 class Thirds:
-    """t50 by thirds of the mean inflow.
+    """t50 by thirds of the mean inflow."""
 
-    `edges` are mean inflows [m3/s]: lowest, end of the lower third, begin of the upper third, highest.
-    `medians` are those of t50 [samples] in the lower, middle and upper third. `longer` is the share of pairs
-    of a day of the lower and a day of the upper third in which the lower has the longer t50; 0.5 where the
-    flow does not matter.
-    """
-
-    edges: tuple[float, ...]
-    medians: tuple[float, ...]
-    longer: float
+    edges: tuple[float, ...]  # mean inflows [m3/s]: lowest, end of lower and begin of upper third, highest
+    medians: tuple[float, ...]  # of t50 [samples] in the lower, middle and upper third
+    longer: float  # share of pairs of a day of the lower and one of the upper third where the lower has more
 
 
 @dataclass(frozen=True)
 class Passage:
-    """t50 over the record [samples]: median and range of four days in five (of all days, if they are few).
-
-    `with_t50` of the `days` have one. `thirds` is None where too few days have a mean inflow, or all the
-    same. `bounded` days have both bounds (5); `between` of them have a t50 between them.
-    """
+    """t50 over the record."""
 
     days: int
-    with_t50: int
-    median: float
-    low: float
+    with_t50: int  # of the days
+    median: float  # [samples]
+    low: float  # range of four days in five, of all days if they are few [samples]
     high: float
-    thirds: Thirds | None
-    bounded: int
-    between: int
+    thirds: Thirds | None  # None where too few days have a mean inflow, or all the same
+    bounded: int  # days with both bounds (5)
+    between: int  # of these, with a t50 between them
 
 
 def has_t50(estimator: EstimatorResults) -> Bools:

@@ -28,26 +28,20 @@ LONGEST = 40_000  # most calendar days of a season: one wrong date in a log must
 
 @dataclass(frozen=True)
 class SeasonDays:
-    """Results of `posterior` for each of the n calendar days from the first to the last complete one.
-
-    `river`: the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
-    `window` is the days of a data set, `candidates`, shape (D,), the delays [samples]. Of the day alone, NaN
-    where it has none: `probability`, shape (n, D), is p(d | y), `delay` in samples, `travel` the travel time
-    [s], `discharge` the mean inflow of its data set [m3/s], if positive. `sample_time` is T_s [s]. `doubt` is
-    by how much all travel times may be too long, and too short [s], because the stamps of output and inflow
-    are not declared.
-    """
+    """Results of `posterior` for each of the n calendar days from the first to the last complete one."""
 
     reach: str
-    sample_time: float
-    river: bool
-    window: int
+    sample_time: float  # T_s [s]
+    river: bool  # the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d
+    window: int  # days of a data set
     dates: list[dt.date]
-    candidates: NDArray[np.intp]
-    probability: Floats
-    delay: Floats
-    travel: Floats
-    discharge: Floats
+    candidates: NDArray[np.intp]  # delays [samples], (D,)
+    # of the day alone, NaN where it has none
+    probability: Floats  # p(d | y), (n, D)
+    delay: Floats  # [samples]
+    travel: Floats  # travel time [s]
+    discharge: Floats  # mean inflow of its data set [m3/s], if positive
+    # by how much all travel times may be too long, and too short [s]: stamps that are not declared
     doubt: tuple[float, float] = (0.0, 0.0)
 
     def place(self, probability: Floats, share: float) -> Floats:
@@ -69,7 +63,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     """The days of a finished run into `out`; `record` is its run.json.
 
     ConfigError if the run has no posterior, or the outflow of its pool is not logged; NoDataError if no day
-    has probabilities; RividError if the tables cannot be read, or span more than :data:`LONGEST` days.
+    has probabilities; RividError if the tables cannot be read, or span too many days.
     """
     refuse_parts(record, out)
     if "posterior" not in record["estimators"]:
@@ -120,24 +114,17 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
 
 @dataclass(frozen=True)
 class Joined:
-    """Results of posterior-season for n days; `direction` is "forward" or "both".
+    """Results of posterior-season for n days."""
 
-    `probability`, shape (n, D), is p(d | days); `delay` [samples] and `travel` time [s] are NaN where no
-    delay is probable enough. `sure` is the probability of the most probable delay, of a river of its rounded
-    t50; `low` and `high` [samples] are the ends of the smallest set of delays that holds 90 %. `observed`:
-    the day alone has probabilities. `related` is the probability, after the last day, that the delays of
-    consecutive days are related.
-    """
-
-    direction: str
-    probability: Floats
-    delay: Floats
-    travel: Floats
-    sure: Floats
-    low: Floats
+    direction: str  # "forward" or "both"
+    probability: Floats  # p(d | days), (n, D)
+    delay: Floats  # [samples]; NaN where no delay is probable enough
+    travel: Floats  # travel time [s]
+    sure: Floats  # probability of the most probable delay, of a river of its rounded t50
+    low: Floats  # ends of the smallest set of delays that holds 90 % [samples]
     high: Floats
-    observed: Bools
-    related: float
+    observed: Bools  # the day alone has probabilities
+    related: float  # probability, after the last day, that the delays of consecutive days are related
 
 
 def join(days: SeasonDays, both_ways: bool = False) -> Joined:

@@ -1,12 +1,9 @@
 """What a run keeps in OUT: its tables, run.json, and the rows of what is done already.
 
-A row of a *segment* holds one day and estimator with its FIR and criterion as lists; the tables of OUT
-(delays, fir, criterion, posterior) are made from segments, a chunk of rows at a time.
-
-Segments are under OUT/.rivid, keyed by content. A segment is one Parquet file of a batch's rows
-(:data:`SEGMENT`). Its rename is the commit: a killed run leaves whole segments or none. A segment that fails
-its checksums is dropped, and its days are computed again. Long columns of a row, its response and its
-criterion, are read from disk in chunks, so that memory does not grow with the record.
+A *segment*, under OUT/.rivid, is a Parquet file of a batch's rows (:data:`SEGMENT`), a row per day and
+estimator with its FIR and criterion as lists. Its rename is the commit: a killed run leaves whole segments or
+none. A segment that fails its checksums is dropped, and its days are computed again. The tables of OUT are
+made from segments, a chunk of rows at a time, so that memory does not grow with the record.
 
 A run holds `lock`. Shards of one run share OUT: each holds a lock of its own, taken while it holds `lock` for
 a moment; a whole run takes `lock` and then finds no shard at work.
@@ -103,9 +100,8 @@ SEGMENT = pa.schema(
         ("start", pa.string()),
     ]
 )
-"""Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
-candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
-day."""
+"""Rows that workers write: key, row of delays.csv, FIR, the criterion of every candidate delay (of CUSUM its
+g, of posteriors the probability), and the begin of a data set shorter than a day."""
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
@@ -172,11 +168,10 @@ def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)
 
 
 def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bool = False) -> None:
-    """Write the :data:`TABLES`, each atomically; posterior.parquet has the rows with probabilities.
+    """Write the :data:`TABLES`, each atomically, from rows of schema :data:`SEGMENT` in their order.
 
-    `chunks` are rows of schema :data:`SEGMENT` in the order of the tables; each becomes a row group of
-    delays.parquet. With `spread`, fir.parquet has a column `sd`, the standard deviation of the response.
-    With `starts`, every table has a column `start`.
+    With `spread`, fir.parquet has a column `sd`, the standard deviation of the response; with `starts`, every
+    table has a column `start`.
     """
     start = ["start"] if starts else []
     kept = pa.schema([SEGMENT.field(name) for name in [*DELAYS.names, *start]])
@@ -204,12 +199,9 @@ def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bo
 
 
 def _long(
-    rows: pa.Table, column: str, first: str | None, axis: str, value: str, more: Sequence[str] = ()
+    rows: pa.Table, column: str, first: str | None, axis: str, value: str, more: Sequence[str]
 ) -> pa.Table:
-    """A row per element of a list column: date, reach, estimator and `more`, axis, value.
-
-    The axis begins at `first`.
-    """
+    """A row per element of a list column: date, reach, estimator and `more`, axis from `first` on, value."""
     lists = rows[column].combine_chunks()
     lengths = pc.fill_null(pc.list_value_length(lists), 0).to_numpy(zero_copy_only=False)
     of_row = np.repeat(np.arange(len(rows)), lengths)
@@ -320,14 +312,12 @@ SHORT = (
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of segments.
+    """Rows of segments."""
 
-    `table` has the columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has
-    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups.
-    """
-
+    # columns SHORT, `message` of failed days, `spread` (whether the response has one), and `unit` and `row`,
+    # where the whole row is
     table: pa.Table
-    units: tuple[tuple[Path, int], ...] = ()
+    units: tuple[tuple[Path, int], ...] = ()  # files and their row groups
 
     def __len__(self) -> int:
         return len(self.table)
@@ -395,11 +385,9 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
 def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
     """Read the rows of all sound segments; return them and the damaged segments with the reason.
 
-    Rows with the columns of another version would not be used: their keys contain another
-    :data:`METHOD_VERSION`. They are listed without a reason.
-
-    Rows that were read `before` stay, and only segments written since are read. Every page is read once, so
-    that its checksum is verified. Nothing is changed.
+    Segments with the columns of another version are listed without a reason: their keys contain another
+    :data:`METHOD_VERSION`. Of rows that were read `before`, only segments written since are read. Every page
+    is read once, so that its checksum is verified.
     """
     if before is None:
         before = Rows(_short(SEGMENT.empty_table(), 0))
@@ -463,8 +451,7 @@ def _short(whole: pa.Table, unit: int) -> pa.Table:
 class Store:
     """Holds OUT for one run, or for the shard of that name: ``with Store(out) as store``.
 
-    LockedError at once, when another run holds OUT; a killed run's lock does not block: the system frees it.
-    RividError when OUT cannot be written.
+    LockedError when another run holds OUT; a killed run's lock does not block: the system frees it.
     """
 
     def __init__(self, out: Path, shard: str = "") -> None:

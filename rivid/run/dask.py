@@ -22,14 +22,12 @@ from rivid.run.workers import ESTIMATING, Engine, without_pandas
 
 PATIENCE = 10  # time in which a scheduler must answer [s]
 
-CLOSING = 5
-"""Time to wait for client and cluster to end [s]; all work is done by then: a late end is no error."""
-
+CLOSING = 5  # time to wait for client and cluster to end [s]; all work is done: a late end is no error
 LOOK_AGAIN = 5.0  # interval at which the workers of a scheduler are counted [s]
 STARTS = 3  # attempts to start a cluster on this machine: a worker may be killed while it starts
 AT_LEAST = 16  # least tasks offered to a standing scheduler: an adaptive cluster grows with its queue
 
-OURS = {
+OURS = {  # settings of a cluster on this machine
     "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
     "distributed.worker.profile.enabled": False,
     "distributed.worker.preload": list(ESTIMATING),
@@ -38,7 +36,6 @@ OURS = {
         ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
     ),
 }
-"""Settings of a cluster on this machine."""
 
 VERSION = f"{__version__}, method {METHOD_VERSION}"
 
@@ -51,8 +48,7 @@ class Dask(Engine):
     `scheduler` is the address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler
     file, ending in ``.json``. Without: a cluster on this machine of `workers` processes of one thread each,
     gone when the block ends. Dask gives up a task that killed its worker and starts another worker: there is
-    none to renew, and no task needs a worker of its own. ConfigError where dask is not installed, or the
-    scheduler file is not there.
+    none to renew, and no task needs a worker of its own.
     """
 
     draws = False  # processes of this machine do

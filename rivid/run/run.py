@@ -1,9 +1,7 @@
 """A run: plan the data sets, estimate what is new, and bring tables, figures, report and run.json up to date.
 
-:func:`estimate_batch` is a pure function: the same batch gives the same rows, and a day the same row in any
-batch. A worker writes the segment of its batch itself, so that rows never travel between processes and
-finished batches are kept. A killed worker costs only its batch, which is halved until the day that kills is
-alone and failed.
+A day has the same row in any batch. A worker writes the segment of its batch itself, so that rows never
+travel between processes and finished batches are kept.
 """
 
 import datetime as dt
@@ -73,48 +71,39 @@ class Shard:
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run beyond its configuration; of `first` to `last`, both included, days are estimated.
+    """Options of a run beyond its configuration."""
 
-    `workers`: by default as many as pay off. `force` estimates again data sets that are done already,
-    `verify` hashes every file, also where its size and times are unchanged. `figures` draws figures and
-    report. `today` replaces today's date. With `shard`, this part of the days is estimated only, and tables
-    and figures are left to the run that follows. More than `most_new` new days are refused.
-    """
-
-    workers: int | None = None
-    first: dt.date | None = None
-    last: dt.date | None = None
-    force: bool = False
-    verify: bool = False
-    figures: bool = True
-    today: dt.date | None = None
-    shard: Shard | None = None
-    most_new: int | None = None
+    workers: int | None = None  # by default as many as pay off
+    first: dt.date | None = None  # days from here
+    last: dt.date | None = None  # to here, both included, are estimated
+    force: bool = False  # estimate again what is done already
+    verify: bool = False  # hash every file, also where its size and times are unchanged
+    figures: bool = True  # draw figures and report
+    today: dt.date | None = None  # in place of today's date
+    shard: Shard | None = None  # estimate this part of the days; the run that follows writes the tables
+    most_new: int | None = None  # refuse more new days
 
 
 @dataclass(frozen=True)
 class Window:
-    """A data set to read: last date, logs, key of content and settings, missing days, key of content.
+    """A data set to read."""
 
-    `span` is that of a data set shorter than a day, `start` its local begin (ISO 8601).
-    """
-
-    date: dt.date
+    date: dt.date  # the last one
     sources: tuple[DaySource, ...]
-    key: str
+    key: str  # of content and settings
     missing: tuple[dt.date, ...] = ()
-    content: str = ""
-    span: Span | None = None
-    start: str | None = None
+    content: str = ""  # key of the content alone
+    span: Span | None = None  # of a data set shorter than a day
+    start: str | None = None  # its local begin (ISO 8601)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The data sets of DATA_DIR, those selected by the options, and the current date or time."""
+    """The data sets of DATA_DIR, and the current date or time."""
 
     catalog: Catalog
     windows: list[Window]
-    asked: list[Window]
+    asked: list[Window]  # those selected by the options
     now: dt.date | dt.datetime
 
 
@@ -125,11 +114,10 @@ def make_plan(
     known: dict[str, Any] | None = None,
     engine: Engine | None = None,
 ) -> Plan:
-    """Find the days of DATA_DIR and make windows of them.
+    """Find the days of DATA_DIR and make windows of them; where much is new, the engine's workers read it.
 
-    `known` are the files seen by the last finished run, to avoid hashing them. Where much is new, the workers
-    of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
-    selected; ConfigError if the logs lack columns that the configuration names.
+    `known` are the files seen by the last finished run, to avoid hashing them. NoDataError if there is no
+    log, no whole window, or none between the dates selected; ConfigError if the logs lack columns.
     """
     facts: dict[str, FileFacts] = {}
     with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
@@ -397,11 +385,7 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
 
 
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate batches as workers become free and write their segments, in a directory that all workers see.
-
-    `done` is called with the number of windows of each batch that is finished. RividError if a worker does
-    not see DATA_DIR or OUT.
-    """
+    """Estimate batches as workers become free; `done` is called with the windows of each finished one."""
     for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
         if lost:
             _alone(batch, segments, engine, done)
@@ -410,10 +394,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 
 
 def work(batch: Batch, segments: Path) -> None:
-    """Estimate a batch and write its segment, in a worker.
-
-    RividError if it does not see the directory of the logs or of the segments: a lost disk is no failed day.
-    """
+    """Estimate a batch and write its segment, in a worker; RividError for a lost disk: no day failed."""
     for place in (batch.root, segments):
         if not place.exists():
             raise RividError(
@@ -424,7 +405,7 @@ def work(batch: Batch, segments: Path) -> None:
 
 
 def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate alone a batch during which a worker died; halve it while it kills its worker."""
+    """Estimate alone a batch during which a worker died; halve it until the day that kills is alone."""
     try:
         with engine.one() as single:
             single.submit(work, batch, segments).result()
@@ -441,16 +422,15 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
             _alone(replace(batch, windows=windows), segments, engine, done)
 
 
-LEAST_BATCH, BATCH_DAYS = 128, 366
-"""Least and most days of a batch: enough to be worth a file, and a year, so that one worker reads its log."""
+LEAST_BATCH = 128  # least days of a batch: enough to be worth a file
+BATCH_DAYS = 366  # most days: one worker reads a log of a year
 
 BATCHES_EACH = 4  # batches for each worker, so that all end at about the same time
 
-ONE_PROCESS_BELOW = 1000
-"""New days below which starting worker processes takes longer than the estimates themselves."""
-
-LISTED_HERE = 10 << 20
-"""Bytes of new files of many days that one process reads: workers take as long to start."""
+ONE_PROCESS_BELOW = 1000  # new days: starting worker processes takes longer than to estimate fewer
+LISTED_HERE = (
+    10 << 20
+)  # bytes of new files of many days that one process reads: workers take as long to start
 
 
 class TooManyError(RividError):
@@ -459,32 +439,22 @@ class TooManyError(RividError):
 
 @dataclass
 class Summary:
-    """Counts and short rows of a run.
-
-    `rows` are all rows of OUT in their order, or those of the shard: columns
-    :data:`rivid.results.store.SHORT`, and `message` where a day failed. `windows` data sets are in DATA_DIR;
-    `computed_keys` of them were estimated in this run, `asked_keys` were selected by its options, `reused`
-    were taken over from earlier runs; `dropped` of earlier runs have no logs any more, as OUT mirrors
-    DATA_DIR. `counts` has the rows per estimator and status. `new_failures` and `new_bad_files` are those of
-    `failed` (content keys of days) and `bad_files` (path, reason) that no finished run has reported.
-    `damaged` segments were dropped. `unasked` estimators of the run before are no longer configured: their
-    rows leave the tables.
-    """
+    """Counts and short rows of a run."""
 
     out: Path
-    rows: pa.Table
-    windows: int
-    computed_keys: set[str]
-    asked_keys: set[str]
-    reused: int
-    dropped: int
-    failed: list[str]
-    new_failures: int
-    counts: dict[str, dict[str, int]]
-    bad_files: list[tuple[str, str]]
-    new_bad_files: list[tuple[str, str]]
-    damaged: list[str]
-    unasked: list[str]
+    rows: pa.Table  # of OUT in their order, or of the shard: `store.SHORT`, and `message` where a day failed
+    windows: int  # data sets in DATA_DIR
+    computed_keys: set[str]  # estimated in this run
+    asked_keys: set[str]  # selected by its options
+    reused: int  # taken over from earlier runs
+    dropped: int  # days of earlier runs without logs: OUT mirrors DATA_DIR
+    failed: list[str]  # content keys of days
+    new_failures: int  # of these, that no finished run has reported
+    counts: dict[str, dict[str, int]]  # rows per estimator and status
+    bad_files: list[tuple[str, str]]  # path and reason
+    new_bad_files: list[tuple[str, str]]  # of these, that no finished run has reported
+    damaged: list[str]  # segments that were dropped
+    unasked: list[str]  # estimators that are no longer configured: their rows leave the tables
     seconds: float = 0.0
 
     @property
@@ -514,11 +484,9 @@ def run(
 ) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
 
-    With a shard, its days are estimated and stored, and nothing else of OUT is changed. ``progress(total)``
-    returns a context; its value is called with each number of finished days. The `engine` executes batches,
-    by default as many processes as pay off; figures are drawn by processes of this machine, also where a
-    cluster estimates. If the run cannot begin, nothing has been computed when one of NoDataError,
-    LockedError, ConfigError and RividError is raised.
+    With a shard, its days are estimated and stored, and nothing else of OUT is changed. The `engine` executes
+    batches, by default as many processes as pay off; figures are drawn by processes of this machine, also
+    where a cluster estimates. NoDataError, LockedError, ConfigError or RividError if the run cannot begin.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     painters = min(options.workers or cores(), MOST_PAINTERS)

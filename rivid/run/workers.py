@@ -26,20 +26,13 @@ from typing import Any
 
 ESTIMATING = ("rivid.run.run",)  # modules of a worker that estimates batches
 
-DRAWING = (
-    "rivid.run.drawing",
-    "rivid.results.read",
-    "rivid.report.build",
-    "jinja2",
-    "rivid.plots.draw",
-    "pyarrow.compute",
-    "pyarrow.parquet",
-)
-"""Modules of a worker that draws figures."""
+DRAWING = (  # those of one that draws figures
+    "rivid.run.drawing", "rivid.results.read", "rivid.report.build", "jinja2", "rivid.plots.draw",
+    "pyarrow.compute", "pyarrow.parquet",
+)  # fmt: skip
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
-"""A progress bar: called with the total, it gives a context; the value of that is called with each
-number done."""
+"""A progress bar: called with the total, it gives a context; its value is called with each number done."""
 
 IN_FLIGHT = 2  # tasks submitted per worker: while one runs, the next is at hand
 
@@ -132,9 +125,9 @@ def processes(workers: int, modules: Sequence[str]) -> Engine:
 
 
 def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:
-    """Execute tasks (function, argument, ...), :data:`IN_FLIGHT` per worker, and yield them as they finish.
+    """Execute tasks (function, argument, ...), and yield each as it finishes, with its result.
 
-    Yields the task, its result, and whether it was lost: a worker died during it, perhaps because of it.
+    The third value is whether it was lost: a worker died during it, perhaps because of it.
     """
     coming, under_way = iter(tasks), dict[Future[Any], tuple[Any, ...]]()
     while True:
@@ -224,10 +217,9 @@ class _NoPandas:
 
 
 def without_pandas() -> None:
-    """Keep pyarrow from importing pandas when it makes its first array.
+    """Keep pyarrow from importing pandas, to recognise a Series, when it makes its first array.
 
-    It does so to recognise a Series; a run has none. ``import pandas`` still works afterwards, only pyarrow
-    treats it as absent. Does nothing where pandas is loaded already.
+    ``import pandas`` still works afterwards; where it is loaded already, nothing is done.
     """
     if "pandas" in sys.modules:
         return
