@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.estimators import ESTIMATORS
@@ -134,9 +134,8 @@ def _grey_scale(ax: Axes, low: float, high: float, unit: str) -> None:
     """The scale of greys above the right end of a panel."""
     figure: Any = ax.get_figure(root=True)
     width, height = (float(v) for v in figure.get_size_inches())
-    bar = style.panel(
-        figure, ax.get_position().x1 * width - 1.75, ax.get_position().y1 * height + 0.13, 1.1, 0.1
-    )
+    box = ax.get_position()
+    bar = style.panel(figure, box.x1 * width - 1.75, box.y1 * height + 0.13, 1.1, 0.1)
     bar.imshow(np.linspace(0, 1, 64)[None, :], cmap="Greys", aspect="auto")
     _framed(bar)
     words: dict[str, Any] = {"transform": bar.transAxes, "va": "center", "fontsize": 8}
@@ -208,28 +207,21 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
     bins, digits = min(round(3.6 * width), 20), int(width > 5)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
     unit, seconds = time_unit(high * sample_time)
-
-    def label(d: float, _: int | None) -> str:
-        return f"{d:.0f}\n{d * sample_time / seconds:.{digits}f}"
-
-    ax.xaxis.set_major_formatter(FuncFormatter(label))
+    ax.xaxis.set_major_formatter(lambda d, _: f"{d:.0f}\n{d * sample_time / seconds:.{digits}f}")
     ax.tick_params(axis="x", length=3)
     ax.set_xlabel(f"delay d [samples; below: {unit}]", labelpad=4)
 
 
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
-    with_delay = read.found(e)
-    classes = {
-        "data decide": ~e.prior_only & ~e.degenerate,
-        "data do not decide": e.prior_only & ~e.degenerate,
-        "degenerate": e.degenerate,
-    }
-    whole = max(int(with_delay.sum()), 1)
+    days = read.found(e)
+    prior, doubt = e.prior_only & ~e.degenerate, e.degenerate
     return {
-        name: np.array([100 * np.count_nonzero(e.delay[days & with_delay] == at) / whole for at in places])
-        for name, days in classes.items()
-    }
+        name: 100 * (e.delay[days & kind, None] == places).sum(axis=0) / max(int(days.sum()), 1)
+        for name, kind in (
+            ("data decide", ~prior & ~doubt), ("data do not decide", prior), ("degenerate", doubt)
+        )
+    }  # fmt: skip
 
 
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
@@ -253,7 +245,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     if n := int((e.at_bound & days).sum()):
         ax.bar(
             places[[0, -1]], top[[0, -1]], width=0.78, facecolor="none", edgecolor=style.ACCENT, hatch="////",
-            linewidth=0, label=f"at a bound ({n:,})" if counted else "at a bound",
+            linewidth=0, label=_class_label("at a bound", e, n, counted),
         )  # fmt: skip
     line: dict[str, Any] = {"color": style.WATER, "lw": 1.2, "marker": "o", "ms": 2.5}
     if ESTIMATORS[e.estimator].rayleigh and places.size:
@@ -332,13 +324,15 @@ def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
+def _waves(e: EstimatorResults) -> list[tuple[str, Floats, Any]]:
+    """Name, travel time [s] and dashes of both bounds (5)."""
+    return [("gravity wave", e.bound_gravity_s, "-"), ("kinematic wave", e.bound_kinematic_s, DASHED)]
+
+
 def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
     """Travel times tau (5) over the record, at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50."""
     x, (low, high) = read.day_numbers(e.dates), ax.get_ylim()
-    bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
-    if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
-        bounds.append(("kinematic wave", e.bound_kinematic_s, DASHED))
-    for name, seconds, dash in bounds:
+    for name, seconds, dash in _waves(e)[: 1 if results.output_unit == "m" else 2]:  # both in a free river
         delay = seconds / results.sample_time - lead
         if np.any((delay >= low) & (delay <= high)):
             ax.plot(
@@ -400,10 +394,7 @@ def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Boo
     """Both bounds (5) at tau / T_s over the discharge; text names one that is outside the panel."""
     low, high = ax.get_ylim()
     outside: list[str] = []
-    for name, seconds, dash in (
-        ("gravity wave", e.bound_gravity_s, "-"),
-        ("kinematic wave", e.bound_kinematic_s, DASHED),
-    ):
+    for name, seconds, dash in _waves(e):
         known = np.isfinite(e.mean_inflow) & np.isfinite(seconds)
         if not (known & shown).any():
             continue

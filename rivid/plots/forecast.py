@@ -70,10 +70,8 @@ def flows(ax: Axes, found: Forecast) -> None:
     """The flows of the dams, dashed where they are held, and the known inflow as half of it arrives."""
     s, (part, x) = found.series, _shown(found)
     known = np.arange(len(s.time))[part] <= s.now + found.announced
-    series = [("inflow", s.inflow, style.WATER)]
-    if s.outflow.any():
-        series.append(("outflow", s.outflow, style.ACCENT))
-    for label, values, colour in series:
+    series = [("inflow", s.inflow, style.WATER), ("outflow", s.outflow, style.ACCENT)]
+    for label, values, colour in series[: 2 if s.outflow.any() else 1]:
         ax.plot(x, np.where(known, values[part], np.nan), color=colour, lw=1.1, label=label)
         ax.plot(x, np.where(~known, values[part], np.nan), color=colour, lw=1.0, ls="--")
     arrives = x[known] + found.delay_s / 86400.0
@@ -83,9 +81,8 @@ def flows(ax: Axes, found: Forecast) -> None:
     if not known.all():
         ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="held")
     if found.repeated is not None:
-        unknown = slice(-int((~known).sum()), None)
-        ax.plot(
-            x[unknown], found.repeated[unknown], color=style.WATER, lw=1.0, ls=":", label="of the day before"
-        )
+        later = slice(-int((~known).sum()), None)
+        label = "of the day before"
+        ax.plot(x[later], found.repeated[later], color=style.WATER, lw=1.0, ls=":", label=label)
     ax.set_xlim(x[0], x[-1])
     ax.set_ylabel("flow [m³/s]")

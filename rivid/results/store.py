@@ -110,8 +110,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of a cell that a spreadsheet evaluates as a formula."""
 
 
-def to_table(columns: Mapping[str, "list[Any] | pa.Array"], schema: pa.Schema) -> pa.Table:
-    """A table of the schema; a column that is not given is empty, NaN becomes an empty cell."""
+def to_table(columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
+    """A table of the schema; a column that is not given, or None, is empty, NaN becomes an empty cell."""
     n = len(next(iter(columns.values()), []))
     arrays = []
     for field in schema:
@@ -125,8 +125,10 @@ def to_table(columns: Mapping[str, "list[Any] | pa.Array"], schema: pa.Schema) -
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def lists(values: Floats, given: Bools) -> pa.Array:
+def lists(values: Floats | None, given: Bools) -> pa.Array | None:
     """A column with, as cells, the rows of `values`, shape (n, width); empty where not `given`, (n,)."""
+    if values is None:
+        return None
     cells = pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1], mask=pa.array(~given))
     return cells.cast(pa.list_(pa.float64()))
 
@@ -466,14 +468,24 @@ class Store:
     def __enter__(self) -> "Store":
         try:
             self.segments.mkdir(parents=True, exist_ok=True)
-            self._hold()
-        except Timeout:
-            raise LockedError(
-                f"another run is writing to {self.out}: wait for it, or give another --out"
-            ) from None
-        except OSError as error:
-            raise RividError(f"cannot write to {self.out}: {error.strerror}: choose another --out") from None
-        self._sweep()
+            self._lock.acquire(timeout=SHARD_PATIENCE if self.shard else 0)
+            if self.shard:  # it holds its own lock, taken while no whole run is at work
+                self._shard_lock.acquire(timeout=0)
+                self._lock.release()
+            else:
+                for path in self.root.glob("lock.*"):
+                    with FileLock(path).acquire(timeout=0):
+                        path.unlink()  # no shard can take it up: it would need `lock`
+            self._sweep()
+        except BaseException as error:
+            self._lock.release()
+            if isinstance(error, Timeout):
+                reason = f"another run is writing to {self.out}: wait for it, or give another --out"
+                raise LockedError(reason) from None
+            if isinstance(error, OSError):
+                reason = f"cannot write to {self.out}: {error.strerror}: choose another --out"
+                raise RividError(reason) from None
+            raise
         return self
 
     def _sweep(self) -> None:
@@ -482,21 +494,6 @@ class Store:
             for leftover in folder.glob(".*.part"):
                 with suppress(OSError):  # it does no harm; the next run removes it
                     leftover.unlink(missing_ok=True)
-
-    def _hold(self) -> None:
-        """Take the lock; of a shard its own, while no whole run is at work."""
-        self._lock.acquire(timeout=SHARD_PATIENCE if self.shard else 0)
-        try:
-            if self.shard:
-                self._shard_lock.acquire(timeout=0)
-                self._lock.release()
-                return
-            for path in self.root.glob("lock.*"):
-                with FileLock(path).acquire(timeout=0):
-                    path.unlink()  # no shard can take it up: it would need `lock`
-        except BaseException:
-            self._lock.release()
-            raise
 
     def __exit__(self, *_: object) -> None:
         self._sweep()  # workers terminated after the failure of another leave what they were writing

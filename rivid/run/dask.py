@@ -72,10 +72,16 @@ class Dask(Engine):
         self._counted = (0.0, 0)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
-        gone = self._client is not None and self._client.status != "running"
-        lost = gone and isinstance(error, CancelledError | OSError)
-        self._close(cancel=kind is not None)
-        if lost:
+        client, self._client = self._client, None
+        gone = client is not None and client.status != "running"
+        if client is not None:
+            self._executor.shutdown(wait=kind is None)
+            with suppress(TimeoutError):
+                client.close(timeout=CLOSING)
+        if self._cluster is not None:  # also one that no client has reached
+            with suppress(TimeoutError):
+                self._cluster.close(timeout=CLOSING)
+        if gone and isinstance(error, CancelledError | OSError):
             raise RividError(
                 f"the scheduler {self.scheduler or 'of this machine'} went away: what is done is kept, "
                 "the same command goes on from there"
@@ -138,16 +144,6 @@ class Dask(Engine):
         raise RividError(
             f"Dask's workers did not begin ({why}): give fewer --workers, or leave --engine dask out"
         ) from why
-
-    def _close(self, cancel: bool) -> None:
-        client, self._client = self._client, None
-        if client is not None:
-            self._executor.shutdown(wait=not cancel)
-            with suppress(TimeoutError):
-                client.close(timeout=CLOSING)
-        if self._cluster is not None:  # also one that no client has reached
-            with suppress(TimeoutError):
-                self._cluster.close(timeout=CLOSING)
 
 
 def _execute(version: str, own: bool, call: bytes) -> Any:

@@ -297,6 +297,7 @@ def _rows(
 ) -> pa.Table:
     """The rows of one estimator on data sets of one length."""
     answer, reach, n = estimator.estimate(days), config.reach, len(days.u)
+    identified = np.asarray(answer.status != "unidentifiable", bool)
 
     def given(values: Floats | None) -> Floats:
         return np.full(n, np.nan) if values is None else values
@@ -314,16 +315,13 @@ def _rows(
         "roughness_sd": np.sqrt(given(answer.roughness_variance)),
         "iterations": np.zeros(n, np.int64) if answer.iterations is None else answer.iterations,
         "message": ["; ".join(_notes(i, notes[i], answer, days, config, name, estimator)) for i in range(n)],
+        "fir": store.lists(answer.fir, identified),
+        "fir_sd": store.lists(answer.fir_sd, identified),
     }
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
         columns[column] = getattr(answer, column)
-    identified = np.asarray(answer.status != "unidentifiable", bool)
-    if answer.fir is not None:
-        columns["fir"] = store.lists(answer.fir, identified)
-        if answer.fir_sd is not None:
-            columns["fir_sd"] = store.lists(answer.fir_sd, identified)
-        if reach.kind == "river":
-            columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
+    if answer.fir is not None and reach.kind == "river":
+        columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
     outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
     at_bound, known = outside, outside
     if answer.candidates is not None and answer.curve is not None:
