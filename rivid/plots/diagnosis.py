@@ -37,18 +37,15 @@ LOOKS: tuple[dict[str, Any], ...] = (
 )
 """Curves of a day: measured, simulated without and with the named effects."""
 
-NAME_LENGTH = 36
-"""Characters of the name of a simulation next to its bar; the table of the page has the whole name."""
-SHARE = 0.99
-"""Share of the cells of the map inside the colour scale: single extreme hours must not dominate it."""
+NAME_LENGTH = 36  # characters of the name next to a bar; the table of the page has the whole name
+SHARE = 0.99  # of the cells of the map inside the colour scale: single hours must not dominate it
 RANK = 0.8
 """Rank of the plotted day by the error of the simulation without effects: the last is a day of a broken gauge
 more often than of a typical gap."""
 WHOLE = 0.8  # smallest share of the samples of a full day that the plotted day has
 POINTS = 1500  # points of the course of a season at most, about as many as the figure has pixels across
 BINS = 8  # bins of a logged series: blocks of a short season fill as many
-FEWEST = 4
-"""Blocks of days that a bin needs for an interval: with fewer, t gives intervals as wide as the panel."""
+FEWEST = 4  # blocks of days that a bin needs: with fewer, t gives intervals as wide as the panel
 
 
 def limits(*curves: Floats, part: float = 1.0) -> float:
@@ -56,8 +53,6 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
     sizes = [np.abs(c[np.isfinite(c)]) for c in curves]
     return max((float(np.quantile(s, part)) for s in sizes if s.size), default=0.0) or 1.0
 
-
-# The errors some hours ahead
 
 BARS: dict[str, dict[str, Any]] = {
     "baseline": {"label": "without any effect", "color": BEFORE},
@@ -123,9 +118,6 @@ def _digits(value: float) -> str:
     return f"{value:.0f}" if value >= 19.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2g}"
 
 
-# The unexplained inflow by hour and date
-
-
 def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     """Draw diagnosis_map.png: the unexplained inflow without and, where there are any, with named effects."""
     r = evidence.record
@@ -180,8 +172,6 @@ def daily_means(values: Floats, used: Bools) -> Floats:
     day = np.arange(len(values))[:, None] + np.zeros(values.shape, np.int64)
     return cell_means(values, day, used, len(values))
 
-
-# The unexplained inflow over the season
 
 Window = tuple[str, dt.date, dt.date]  # an effect and the dates on which it acts, both ends included
 
@@ -313,9 +303,6 @@ def means(
     return centre, mean, np.where(seen >= FEWEST, half, np.nan)
 
 
-# One day that was kept apart
-
-
 def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | None:
     """Draw diagnosis_day.png: measured and simulated output, and the flows; None if no day was kept apart."""
     r, measured, apart = evidence.record, evidence.record.output, evidence.split.sealed
@@ -378,9 +365,6 @@ def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
     days = np.flatnonzero(whole if whole.any() else known)
     order = days[np.argsort(error[days], kind="stable")]
     return int(order[round(RANK * (len(order) - 1))]) if len(order) else None
-
-
-# One day with the operators in the loop
 
 
 def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureFile:

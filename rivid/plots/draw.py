@@ -104,9 +104,6 @@ FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults],
 DATED = ("t50", "tdr", "delay_map")  # figures over the days of the record
 
 
-# All impulse responses of one day (Fig. 12)
-
-
 def typical_day(results: Results) -> dt.date | None:
     """Return a day that most estimators answer, or None.
 

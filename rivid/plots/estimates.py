@@ -24,8 +24,7 @@ ROBUST = (1.0, 99.0)
 """Percentiles of all coefficients of the record that are white and black: with a scale per day, the grey of a
 bar would depend on its two most extreme, and least certain, coefficients."""
 DARKEST = 0.45  # opacity of a cell of probability 1: marks and lines stay readable on it
-GOLDEN = 0.6180339887498949
-"""Fraction of the golden ratio: its multiples modulo 1 are evenly spread for any number of marks."""
+GOLDEN = 0.6180339887498949  # multiples modulo 1 are evenly spread for any number of marks
 FAR = 6.0
 """Days so many interquartile ranges beyond the quartiles are marked at the edge of a panel of t50, so that
 single days do not compress the others."""
@@ -48,9 +47,6 @@ def _class_label(kind: str, e: EstimatorResults, days: int, counted: bool) -> st
     """A class of days in a legend; an estimator that does not judge its delays has delays only."""
     name = "delay" if kind == "data decide" and ESTIMATORS[e.estimator].unchecked else kind
     return f"{name} ({days:,})" if counted else name
-
-
-# Impulse responses
 
 
 def grey_limits(fir: Floats) -> tuple[float, float]:
@@ -196,9 +192,6 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
     return bar
 
 
-# Delays
-
-
 def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
     """Delays in samples on the x axis, minutes or hours under them, in whole ones on narrow panels."""
     margin = max(0.7, 0.02 * (high - low))
@@ -339,9 +332,6 @@ def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: f
                 *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
                 label=f"{name}, as a delay" if lead else name, zorder=2, scalex=False, scaley=False,
             )  # fmt: skip
-
-
-# Delays and travel times against the discharge
 
 
 def spread(n: int) -> Floats:

@@ -19,8 +19,6 @@ from rivid.logs.days import find_days, read_window
 from rivid.results.read import EstimatorResults, Results
 from rivid.types import Floats, Ints
 
-# Logs
-
 
 @dataclass(frozen=True, eq=False)
 class Year:
@@ -124,8 +122,6 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
     return read_year(logs or place, config)
 
 
-# Estimates
-
 PAPER = (
     "ml", "map", "jmap-uniform", "jmap-uniform-estimated", "jmap", "jmap-degenerate", "direct", "indirect",
 )  # fmt: skip
@@ -166,10 +162,7 @@ def _estimates(year: Year, name: str) -> EstimatorResults:
     )  # fmt: skip
 
 
-# Cascade
-
-EMPIRICAL = 3
-"""The operators' uncertainty: three sampling periods either side of their nominal value (section VI)."""
+EMPIRICAL = 3  # the operators' uncertainty [samples] either side of their nominal value (section VI)
 
 HELD = 0.9  # share of the days that a fluctuation interval holds
 

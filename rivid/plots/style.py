@@ -86,9 +86,6 @@ def styled() -> Iterator[None]:
         yield
 
 
-# Sheets and panels
-
-
 SYMBOLS = {
     "T_s": "T_s", "u_Qi": "u_{Qi}", "u_Qo": "u_{Qo}", "h_L": "h_L", "h_ML": "h_{ML}", "alpha_h": r"\alpha_h",
     "beta_h": r"\beta_h", "alpha_i": r"\alpha_i", "alpha_o": r"\alpha_o",
@@ -205,9 +202,6 @@ def message(ax: Axes, text: str) -> None:
     )
 
 
-# Marks and legends
-
-
 def marks(ax: Axes, x: Floats, y: Floats, label: str, size: float, **look: Any) -> None:
     """Plot marks of `size` points; in the legend they have the legend's own size."""
     given: dict[str, Any] = {"ls": "none", "markersize": size} | look
@@ -248,9 +242,6 @@ def figure_key(panels: Sequence[Axes], *, down: float = 0.37, left: float | None
         found.values(), found, loc="upper right" if left is None else "upper left",
         bbox_to_anchor=(x, 1 - down / height), ncols=max(len(found), 1),
     )  # fmt: skip
-
-
-# Axes of lags and of durations
 
 
 def few_ticks(ax: Axes, which: str = "y", bins: int = 5) -> None:
@@ -301,14 +292,11 @@ def power_of_ten(values: Floats) -> tuple[float, str]:
     return 10.0**-power, f"{ten_to(power)} "
 
 
-# Axes of dates. A day is the unit interval around its ordinal number, so a missing day keeps its width.
-
+# on an axis of dates, a day is the unit interval around its ordinal number, so a missing day keeps its width
+# not strftime: the locale must not change the figures
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-"""Not strftime: the locale must not change the figures."""
-LETTER = 0.087
-"""Width that a letter of a date label needs, with its share of the gap to the next label [inch]."""
-STRIP, STRIP_GAP = 0.11, 0.05
-"""Height of the strip of days without an answer, and its distance from the panel [inch]."""
+LETTER = 0.087  # width that a letter of a date label needs, with its share of the gap to the next [inch]
+STRIP, STRIP_GAP = 0.11, 0.05  # height of the strip of days without an answer, and its gap [inch]
 
 
 def date_ticks(
@@ -399,9 +387,6 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     figure.legend(
         shown.values(), shown, loc="lower right", bbox_to_anchor=(box.x1, 0.09 * inch), ncols=len(shown)
     )
-
-
-# Files
 
 
 def save(figure: Figure, path: Path) -> None:

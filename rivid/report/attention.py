@@ -15,8 +15,7 @@ from rivid.types import Bools, Floats
 
 SHOWN = 25  # rows that are open on the page; the others unfold. More fill more than one screen
 
-CROWD = 0.25
-"""Days at a bound have one row where they are more than this share of the days and more than SHOWN."""
+CROWD = 0.25  # days at a bound have one row where they are a larger share of the days, and more than SHOWN
 
 BAND_DAYS = 30  # fewest days of a band: with fewer, its ends are the two most extreme days
 TAIL = 0.05  # share of the days beyond each end of the band
@@ -109,10 +108,9 @@ def far(recent: LastWeek) -> list[Row]:
 
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
     """Count the days of the rows for the estimators that represent the reach."""
-    lead = leading(results)
-    representing = {recent.estimator.estimator} | (
-        {lead.estimator} if lead and estimates_delay(lead) else set()
-    )
+    representing, lead = {recent.estimator.estimator}, leading(results)
+    if lead and estimates_delay(lead):
+        representing.add(lead.estimator)
     late, early, others = (set[dt.date]() for _ in range(3))
     links = []
     for k, row in enumerate(rows):

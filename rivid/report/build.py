@@ -15,12 +15,10 @@ from rivid.results.read import CLEAR, Results, passage
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year
 
-MOST = 400
-"""Most rows of days to look at on the page, which a browser lays out at once; delays.csv has all days."""
+MOST = 400  # rows of days to look at, which a browser lays out at once; delays.csv has all days
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
-
 PARTS = (
     ("The reach and its hydraulics", ("1", "2", "3", "4", "5", "6")),
     ("The data, and the simple models", ("7", "8", "9", "10")),
@@ -41,10 +39,12 @@ def write_report(
     recent = last_week(results)
     rows = attention(results, recent)
     s = summarise(results, recent)
-    place = {}
-    if recent:
-        shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row["estimators"]]
-        place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
+    place = {  # of a day in the table, in its first row
+        date: k
+        for k, row in reversed(list(enumerate(rows)))
+        if recent and recent.estimator.estimator in row["estimators"]
+        for date in dates_of(row, results)
+    }
     represents = s["passage"] or s["record"]
     context = {
         "s": s,

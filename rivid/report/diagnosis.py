@@ -133,13 +133,13 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
 
 def _grown(gap: Gap) -> list[tuple[str, float]]:
     """Steps with an error more than 1 % above that of the step before: name, horizon [h]."""
-    before, found = gap.rmse_baseline, []
-    for step in gap.steps:
-        found += [
-            (step.added, h) for h, a, b in zip(gap.horizon_h, before, step.rmse, strict=True) if b > 1.01 * a
-        ]
-        before = step.rmse
-    return found
+    before = [gap.rmse_baseline, *(step.rmse for step in gap.steps)]
+    return [
+        (step.added, h)
+        for step, old in zip(gap.steps, before, strict=False)
+        for h, a, b in zip(gap.horizon_h, old, step.rmse, strict=True)
+        if b > 1.01 * a
+    ]
 
 
 def _card(

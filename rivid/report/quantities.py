@@ -9,34 +9,31 @@ from typing import NamedTuple
 
 from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
 from rivid.text import day_range, listed, shown_in
+from rivid.types import DAY, HOUR
 
 NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
 """Parameters that give a time or a place; the headline states the first of the others."""
 
 
-MOST_NAMES = 4
-"""Most explanations with a name in the ranking of a page; a model holds as many effects at most."""
+MOST_NAMES = 4  # explanations with a name in a ranking; a model holds as many effects at most
 
 
 UNITS = re.compile(r"(?<=\d) (?=(?:%|m³/s|mm|min|h|s|samples?|days?)(?!\w))")  # between a number and its unit
 
 
 class Explanation(NamedTuple):
-    """A row of the ranking: what it states, its probability, whether it is material."""
+    """A row of the ranking."""
 
-    kind: str
+    kind: str  # "named", "unknown" or "nothing"
     words: str
     probability: float
     material: bool
 
 
 class Errors(NamedTuple):
-    """Errors of a simulation at each horizon, on the sealed and, where known, on the open days.
+    """Errors of a simulation at each horizon, on the sealed and, where known, on the open days."""
 
-    The kind is "baseline", "step", "described" (events timed on the day itself) or "floor".
-    """
-
-    kind: str
+    kind: str  # "baseline", "step", "described" (events timed on the day itself) or "floor"
     name: str
     sealed: Sequence[float]
     open: Sequence[float] | None = None
@@ -126,8 +123,7 @@ def when(where: Where) -> str:
     """Return dates, hours and regime of an effect."""
     parts = []
     if where.dates is not None:
-        first, last = where.dates
-        parts.append(f"on {first}" if first == last else f"from {day_range(first, last)}")
+        parts.append(f"{'on' if where.dates[0] == where.dates[1] else 'from'} {day_range(*where.dates)}")
     if where.hours is not None:
         parts.append(f"from {clock(where.hours[0])} to {clock(where.hours[1])}")
     if where.regime:
@@ -152,10 +148,9 @@ def error(value: float | None, factor: float = 1.0) -> str:
 
 def period(seconds: float) -> str:
     """Return a duration in minutes, hours or days, to three digits."""
-    for limit, unit, length in ((7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
-        if seconds < limit:
-            return f"{seconds / length:.3g} {unit}"
-    return f"{seconds / 86_400.0:.3g} days"
+    if seconds < 7200.0:
+        return f"{seconds / 60.0:.3g} min"
+    return f"{seconds / HOUR:.3g} h" if seconds < 2 * DAY else f"{seconds / DAY:.3g} days"
 
 
 def closed(share: float) -> str:

@@ -20,32 +20,20 @@ from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
 WEEK = 7  # days of a week; the last week ends with the record
-
-WEEKS = 8
-"""Weeks before the last one that it is compared with: about the length of a season of flow and programme."""
-
+WEEKS = 8  # weeks before the last one to compare it with: about a season of flow and programme
 FEWEST_DAYS = 3  # a week with fewer decided days is left out: a trimmed mean of two is no mean
-
-FEWEST_WEEKS = 4
-"""Fewest weeks before the last one for a test: with three, Student's t would need a factor of 9.9."""
-
+FEWEST_WEEKS = 4  # weeks before the last one for a test: with three, Student's t would need a factor of 9.9
 LEVEL = 0.01  # two-sided level of the test for a move: one false alarm in two years of weeks
-
 LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
 """Two-sided limits of Student's t at :data:`LEVEL`, with one degree of freedom less than the number of weeks
 before. A table, since scipy.stats takes longer to load than a page to write."""
-
 STEP_DAYS, STEP_LIMIT = 5, 20.0
 """Fewest days on each side of a step, and limit of its statistic: of simulated records with outliers on 5 %
 of the days and a correlation from day to day of 0 to 0.5 (0.8), 0 to 1.5 % (2 to 4 %) exceed it."""
-
 LONG = 1.5
 """Ratio of travel time and gravity wave in a pool from which the geometry or a clock is in doubt: the wave
 takes as long in less than half of the depth."""
-
-SPREAD_OUT = 0.5
-"""With a smaller share of days at the two most frequent delays, a range describes the record better."""
-
+SPREAD_OUT = 0.5  # with a smaller share of days at the two commonest delays, a range describes them better
 MOST_REASONS = 3  # reasons of unidentifiable days that are listed; the table of days has all
 LITTLE = 0.25  # a river's jump delay is called of little use where the prior decides a larger share of days
 OFTEN = 1 / 3  # the headline mentions the prior where it decides this share of the days or more
@@ -122,9 +110,8 @@ def _median(values: Floats) -> float:
 
 def leading(results: Results) -> EstimatorResults | None:
     """Return the first estimator of the highest rank among those with a delay, or else the first at all."""
-    having = [e for e in results.estimators if e.dates]
     return max(
-        having,
+        (e for e in results.estimators if e.dates),
         key=lambda e: ESTIMATORS[e.estimator].represents if read.estimates_delay(e) else (),
         default=None,
     )
@@ -136,14 +123,8 @@ def last_week(results: Results) -> LastWeek | None:
     e = river or leading(results)
     if e is None or (river is None and not read.estimates_delay(e)):
         return None
-    if river:
-        quantity, values, days = "t50", e.t50, read.has_t50(e)
-    elif e.travel_s is not None:
-        quantity, values, days = "travel", e.travel_s / results.sample_time, read.found(e)
-    else:
-        quantity, values, days = "delay", e.delay, read.found(e)
-    values = np.where(days, values, np.nan)
-    sound = np.isfinite(values) & (days if river else read.decided(e))
+    quantity, values = _lags(results, e, "t50" if river else "delay")
+    sound = np.isfinite(values) & (read.has_t50(e) if river else read.decided(e))
     ago = weeks_ago(e.dates)
     last = e.dates[-1]
     return LastWeek(
@@ -151,6 +132,17 @@ def last_week(results: Results) -> LastWeek | None:
         first=last - dt.timedelta(days=WEEK - 1), last=last, median=_median(values[ago == 0]),
         trend=trend(values[sound], ago[sound]),
     )  # fmt: skip
+
+
+def _lags(results: Results, e: EstimatorResults, quantity: str) -> tuple[str, Floats]:
+    """The t50, or what is known best of the delay: its name, and the lags [samples], (n,); NaN for none."""
+    if quantity == "t50":
+        values, days = e.t50, read.has_t50(e)
+    elif e.travel_s is not None:
+        quantity, values, days = "travel", e.travel_s / results.sample_time, read.found(e)
+    else:
+        quantity, values, days = "delay", e.delay, read.found(e)
+    return quantity, np.where(days, values, np.nan)
 
 
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
@@ -250,14 +242,10 @@ def impossible(results: Results, estimator: EstimatorResults, quantity: str = "d
     :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal. The arrival is t50
     where that is the `quantity`, else the travel time, or all that d allows.
     """
-    e, T_s = estimator, results.sample_time
-    if quantity == "t50":
-        earliest, latest, days = e.t50 * T_s, e.t50 * T_s, read.has_t50(e)
-    elif e.travel_s is not None:
-        earliest, latest, days = e.travel_s, e.travel_s, read.found(e)
-    else:
-        earliest, latest, days = e.delay * T_s, (e.delay + 1) * T_s, read.found(e)
-    return days & (latest + T_s < e.bound_gravity_s), days & (earliest - T_s > SLOW * _wave(results, e))
+    T_s, (known, lag) = results.sample_time, _lags(results, estimator, quantity)
+    latest = lag + 1 if known == "delay" else lag
+    fast = (latest + 1) * T_s < estimator.bound_gravity_s
+    return fast, (lag - 1) * T_s > SLOW * _wave(results, estimator)
 
 
 def _wave(results: Results, e: EstimatorResults) -> Floats:

@@ -306,9 +306,7 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
 
 MOST = 0.8  # the share of days that a range holds: four days in five
 FEW = 9  # with fewer days, no thirds and no range of four days in five
-
-CLEAR = 0.7
-"""t50 falls with the flow where a day of low flow has the longer t50 in this share of pairs of days."""
+CLEAR = 0.7  # t50 falls with the flow where low flow has the longer t50 in this share of pairs of days
 
 
 @dataclass(frozen=True)
@@ -343,7 +341,7 @@ def leading_response(results: Results) -> EstimatorResults | None:
     """Return the estimator with a t50 that has the highest rank, or else without; None in a pool."""
     if results.output_unit == "m":
         return None
-    having = [e for e in results.estimators if e.dates]
+    having = (e for e in results.estimators if e.dates)
     return max(having, key=lambda e: (has_t50(e).any(), ESTIMATORS[e.estimator].t50_rank), default=None)
 
 

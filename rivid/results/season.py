@@ -208,7 +208,6 @@ observed | flag | | the day alone has probabilities
 direction | text | | `forward`: from the days before; `both`: from all days
 """)
 """season.csv and season.parquet: a row per calendar day."""
-
 LAW_SCHEMA, LAW_MEANINGS = described("""
 discharge_low_m3s | number | m3/s | lower edge of the class
 discharge_high_m3s | number | m3/s | upper edge of the class

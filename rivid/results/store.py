@@ -89,23 +89,15 @@ MEANINGS |= {
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
 }
 
-SEGMENT = pa.schema(
-    [
-        ("key", pa.string()),
-        *DELAYS,
-        ("fir", pa.list_(pa.float64())),
-        ("fir_sd", pa.list_(pa.float64())),
-        ("first_candidate", pa.int64()),
-        ("curve", pa.list_(pa.float64())),
-        ("start", pa.string()),
-    ]
-)
+FLOATS = pa.list_(pa.float64())
+SEGMENT = pa.schema([
+    ("key", pa.string()), *DELAYS, ("fir", FLOATS), ("fir_sd", FLOATS), ("first_candidate", pa.int64()),
+    ("curve", FLOATS), ("start", pa.string()),
+])  # fmt: skip
 """Rows that workers write: key, row of delays.csv, FIR, the criterion of every candidate delay (of CUSUM its
 g, of posteriors the probability), and the begin of a data set shorter than a day."""
-
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
-
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of a cell that a spreadsheet evaluates as a formula."""
 
@@ -130,7 +122,7 @@ def lists(values: Floats | None, given: Bools) -> pa.Array | None:
     if values is None:
         return None
     cells = pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1], mask=pa.array(~given))
-    return cells.cast(pa.list_(pa.float64()))
+    return cells.cast(FLOATS)
 
 
 def finite(row: dict[str, Any]) -> dict[str, Any]:
@@ -288,13 +280,11 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 6
-"""Increased whenever the same input and settings give another row: older rows are then computed again."""
+METHOD_VERSION = 6  # raised when the same input and settings give another row: old rows are computed again
 
 SHARD_PATIENCE = 20.0  # time a shard waits for others to begin [s]: each holds the lock for a moment
 
-COMPACT_ABOVE = 12
-"""Segments from which a finished run merges them into one: reading many small files is slow."""
+COMPACT_ABOVE = 12  # segments from which a finished run merges them: reading many small files is slow
 
 
 def digest(*parts: Any) -> str:

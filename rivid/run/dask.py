@@ -26,7 +26,6 @@ CLOSING = 5  # time to wait for client and cluster to end [s]; all work is done:
 LOOK_AGAIN = 5.0  # interval at which the workers of a scheduler are counted [s]
 STARTS = 3  # attempts to start a cluster on this machine: a worker may be killed while it starts
 AT_LEAST = 16  # least tasks offered to a standing scheduler: an adaptive cluster grows with its queue
-
 OURS = {  # settings of a cluster on this machine
     "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
     "distributed.worker.profile.enabled": False,

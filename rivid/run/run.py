@@ -422,9 +422,7 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
 
 LEAST_BATCH = 128  # least days of a batch: enough to be worth a file
 BATCH_DAYS = 366  # most days: one worker reads a log of a year
-
 BATCHES_EACH = 4  # batches for each worker, so that all end at about the same time
-
 ONE_PROCESS_BELOW = 1000  # new days: starting worker processes takes longer than to estimate fewer
 LISTED_HERE = (
     10 << 20

@@ -33,7 +33,6 @@ DRAWING = (  # those of one that draws figures
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
 """A progress bar: called with the total, it gives a context; its value is called with each number done."""
-
 IN_FLIGHT = 2  # tasks submitted per worker: while one runs, the next is at hand
 
 
