@@ -152,11 +152,11 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     return style.written(figure, folder / "diagnosis_map.png", "When water is missing", named=named)
 
 
-def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
-    """Mean of each hour of each calendar day, shape (24, calendar days), of samples (days, n)."""
-    day = np.array([(date - dates[0]).days for date in dates])
-    cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * day[:, None]
-    return cell_means(values, cell, used, 24 * (int(day[-1]) + 1)).reshape(-1, 24).T
+def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date], step: int = 1) -> Floats:
+    """Mean of each `step` hours of each calendar day, (24 / step, calendar days), of samples (days, n)."""
+    day, parts = np.array([(date - dates[0]).days for date in dates]), 24 // step
+    cell = np.minimum((hour + 1e-9).astype(np.int64) // step, parts - 1) + parts * day[:, None]
+    return cell_means(values, cell, used, parts * (int(day[-1]) + 1)).reshape(-1, parts).T
 
 
 def cell_means(values: Floats, cell: ArrayLike, used: Bools, size: int) -> Floats:
@@ -185,10 +185,8 @@ def draw_inflow(
     shown = [(WITHOUT, BEFORE, e.inflow_before, e.inflow_before_sd)]
     shown += [(WITH, AFTER, e.inflow_after, e.inflow_after_sd)] if named else []
     drivers = [("hour of the day", hour), ("inflow [m³/s]", r.inflow)]
-    if r.kind == "pool":
-        drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)]
-    else:
-        drivers += [("discharge [m³/s]", r.output)]
+    pool = [("outflow [m³/s]", r.outflow), ("level [m]", r.output)]
+    drivers += pool if r.kind == "pool" else [("discharge [m³/s]", r.output)]
     small, below = 1.5, 0.55  # height of the panels at the bottom, and the margin under them [inch]
     figure, panels = style.sheet(
         "The unexplained inflow",
@@ -208,8 +206,7 @@ def draw_inflow(
         style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
         style.date_axis(ax, dates[0], dates[-1], labels=ax is panels[-1])
     if windows:
-        names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
-        text = shorten(f"grey: dates of {names}", 80)
+        text = shorten("grey: dates of " + "; ".join(dict.fromkeys(name for name, _, _ in windows)), 80)
         style.heading(panels[-1], text, at=1, fontsize=8, color=style.GREY)
 
     each = (style.WIDTH - 0.72 - 0.3 - 0.3 * (len(drivers) - 1)) / len(drivers)
@@ -255,12 +252,9 @@ def course(
     """
     span = (dates[-1] - dates[0]).days + 1
     step = next(h for h in (1, 2, 3, 6, 12, 24) if 24 / h * span <= POINTS or h == 24)
-    parts, first = 24 // step, dates[0].toordinal()
-    day = np.array([date.toordinal() for date in dates]) - first
-    cell = day[:, None] * parts + np.minimum(hour // step, parts - 1).astype(np.int64)
     there = used & np.isfinite(flow) & np.isfinite(sd)
-    at = first - 0.5 + (np.arange(span * parts) + 0.5) / parts
-    mean, deviation = (cell_means(values, cell, there, span * parts) for values in (flow, sd))
+    mean, deviation = (hourly_map(values, hour, there, dates, step).T.ravel() for values in (flow, sd))
+    at = dates[0].toordinal() - 0.5 + (np.arange(len(mean)) + 0.5) * step / 24
     return at, mean, 1.96 * deviation, step
 
 

@@ -331,12 +331,11 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     """The test, or why there is none."""
     t, e = recent.trend, recent.estimator
     ago = weeks_ago(e.dates)
-    there = min(int(ago.max()), WEEKS)
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
     undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
-    spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
     since = None if t is not None and t["moved"] else stepped(recent)
-    inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
+    flow = np.isfinite(e.mean_inflow)
+    inflow = [e.mean_inflow[flow & span] for span in (ago == 0, (ago > 0) & (ago <= WEEKS))]
     if t is not None:
         code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
     elif recent.whole:
@@ -349,7 +348,7 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
         "since": since[0] if since else None,
         "sides": since[1:] if since else None,
         "days": int(days[0]),
-        "weeks": there,
+        "weeks": min(int(ago.max()), WEEKS),
         "weeks_used": int((days[1:] >= FEWEST_DAYS).sum()),
         "fewest_days": FEWEST_DAYS,
         "fewest_weeks": FEWEST_WEEKS,
@@ -389,8 +388,7 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[s
         part["code"] = "not_judged"
     elif e.probability is not None:
         sure = e.probability[given if n else np.isfinite(recent.values)]
-        of = "record" if recent.whole or not n else "week"
-        part |= {"code": "probability", "of": of}
+        part |= {"code": "probability", "of": "week" if part["week"] else "record"}
         part |= {"median": float(np.median(sure)), "least": float(sure.min())}
     return part
 
@@ -434,17 +432,15 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
         p = read.rayleigh(tried, results.delay_scale)
         modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
         record["modes"] = [float(d) for d in modes]
         record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f["common"]) <= 1
-        for other in results.estimators:
-            if ESTIMATORS[other.estimator].uniform and (g := facts(results, other))["with_delay"]:
-                record["uniform"] = (other.estimator, g)
-                break
+        others = [other for other in results.estimators if ESTIMATORS[other.estimator].uniform]
+        uniform = ((other.estimator, facts(results, other)) for other in others)
+        record["uniform"] = next((one for one in uniform if one[1]["with_delay"]), None)
     return record
 
 
