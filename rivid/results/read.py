@@ -26,42 +26,35 @@ SCHEMA_VERSION = 1  # version of the results contract; a reader refuses a newer 
 class EstimatorResults:
     """Results of one estimator by day, in date order: n rows, failed days included; NaN where it has none.
 
-    `delay`, `delay_low`, `delay_high` (smallest set of delays that holds 90 %) and `t50` (of rivers: lag by
-    which half of a step has arrived, from the FIR) are in samples, `travel_s` (with a fraction of a sample),
-    `half_s` (the same with the gauge's lag) and the bounds (5) of the travel time in seconds, `mean_inflow`
-    in m3/s. `fir`, shape (n, M), and its standard deviation `fir_sd` are in the output unit per m3/s; M is 0
-    without impulse responses.
-    `candidates`, shape (K,), are the delays tried [samples] and `criterion`, shape (n, K), the criterion of
-    each: of CUSUM its g at lag d + 1, large after a change; of posteriors p(d | y). `status` is ok,
-    unidentifiable, degenerate, pending or failed; `messages` are its reasons and remarks, or empty. The
-    other attributes are the columns of the same name in delays.csv. Attributes that may be None are None
-    where the estimator gives no such value on any day.
+    None for what it gives on no day. What has no comment is the column of that name in delays.csv.
     """
 
     estimator: str
     dates: list[dt.date]
-    status: list[str]
-    messages: list[str]
-    delay: Floats
+    status: list[str]  # ok, unidentifiable, degenerate, pending or failed
+    messages: list[str]  # reasons and remarks, or empty
+    delay: Floats  # [samples]
     at_bound: Bools
     prior_only: Bools
-    t50: Floats
-    fir: Floats
-    candidates: Floats
-    criterion: Floats
+    t50: Floats  # of rivers: lag by which half of a step has arrived, from the FIR [samples]
+    fir: Floats  # (n, M) [output unit per m3/s]; M is 0 without impulse responses
+    candidates: Floats  # delays tried [samples], (K,)
+    criterion: (
+        Floats  # of each, (n, K): of CUSUM its g at lag d + 1, high after a change, of posteriors p(d|y)
+    )
     alpha: Floats
     noise_sd: Floats
     roughness_sd: Floats
     condition: Floats
-    mean_inflow: Floats
-    bound_gravity_s: Floats
+    mean_inflow: Floats  # [m3/s]
+    bound_gravity_s: Floats  # bounds (5) of the travel time [s]
     bound_kinematic_s: Floats
     probability: Floats | None = None
-    delay_low: Floats | None = None
+    delay_low: Floats | None = None  # ends of the smallest set of delays that holds 90 % [samples]
     delay_high: Floats | None = None
-    fir_sd: Floats | None = None
-    travel_s: Floats | None = None
-    half_s: Floats | None = None
+    fir_sd: Floats | None = None  # standard deviation of `fir`, (n, M)
+    travel_s: Floats | None = None  # travel time with a fraction of a sample [s]
+    half_s: Floats | None = None  # the same with the gauge's lag [s]
 
     @property
     def answered(self) -> Bools:
@@ -76,21 +69,16 @@ class EstimatorResults:
 
 @dataclass(frozen=True)
 class Results:
-    """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration.
-
-    `sample_time` is T_s [s]; `output_unit` is m for a pool (level), m3/s for a river (discharge);
-    `delay_scale` is sigma_d in use [samples], the mode of the Rayleigh prior. `note` is a line about the
-    data. `assumed` are the keys of the reach's geometry that are not configured: the bounds (5) are NaN then,
-    because they would be those of another reach.
-    """
+    """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration."""
 
     reach: str
-    sample_time: float
-    output_unit: str
-    delay_scale: float
+    sample_time: float  # T_s [s]
+    output_unit: str  # m for a pool (level), m3/s for a river (discharge)
+    delay_scale: float  # sigma_d in use [samples], the mode of the Rayleigh prior
     estimators: list[EstimatorResults]
+    # keys of the geometry that are not configured: the bounds (5) are NaN then, those of another reach
     assumed: tuple[str, ...] = ()
-    note: str = ""
+    note: str = ""  # a line about the data
 
     def of(self, name: str) -> EstimatorResults:
         """The results of one estimator; StopIteration where it was not applied."""

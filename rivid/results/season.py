@@ -238,17 +238,13 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
     write_csv(table, out / "season.csv")
     classes = dict(zip(LAW_SCHEMA.names, map(np.ndarray.tolist, vars(law.table).values()), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
-    write_text(out / "delay_law.json", json.dumps(law_json(days, law), indent=2, sort_keys=True) + "\n")
-
-
-def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
-    """delay_law.json: the law in seconds and m3/s; null where there is none."""
     values = {name: v for name, v in asdict(law).items() if name != "table"}
     values["covariance"] = law.covariance.tolist() if law.status == "ok" else None
     units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
-    return finite(values) | {
+    record = finite(values) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
         "stamp_doubt_s": list(days.doubt),
         "first": str(days.dates[0]), "last": str(days.dates[-1]),
     }  # fmt: skip
+    write_text(out / "delay_law.json", json.dumps(record, indent=2, sort_keys=True) + "\n")

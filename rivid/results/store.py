@@ -110,7 +110,7 @@ def to_table(columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
         values = columns.get(field.name)
         if values is None:
             arrays.append(pa.nulls(n, field.type))
-        elif isinstance(values, pa.Array):
+        elif isinstance(values, pa.Array | pa.ChunkedArray):
             arrays.append(values)
         else:
             arrays.append(pa.array(values, field.type, from_pandas=pa.types.is_floating(field.type)))
@@ -358,20 +358,18 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
 
     Responses, curves and other columns are NaN or empty.
     """
-    for field in DELAYS:
-        if field.name not in rows.column_names:
-            rows = rows.append_column(field, pa.nulls(len(rows), field.type))
+    delays = to_table({name: rows[name] for name in rows.column_names}, DELAYS)
     columns = {"date": pa.date32(), "estimator": pa.string()}
     columns |= dict.fromkeys(("lag", "value", "delay_samples", "criterion"), pa.float64())
     nothing = pa.schema(list(columns.items())).empty_table()
     run = {
         "reach": config.reach.name,
         "sample_time": config.reach.sample_time,
-        "output_unit": "m3/s" if config.reach.kind == "river" else "m",
+        "output_unit": config.reach.output_unit,
         "delay_scale": np.nan,
         "estimators": config.run.estimators,
     }
-    return results_of(run, rows, nothing, nothing)
+    return results_of(run, delays, nothing, nothing)
 
 
 def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tuple[Path, str]]]:

@@ -1,16 +1,9 @@
 """Engines that execute tasks: worker processes of this machine, or this process; one path, the same rows.
 
-An :class:`Engine` executes so many tasks at a time and reports a worker that died. Nothing heavy is imported
-here: worker processes can be started before this process imports what it needs itself.
-
-Three measures are specific to worker processes:
-
-- They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this process
-  imports (0.4 s) and estimates (:func:`warm`).
-- A worker ends with the command, also where the command is killed (:func:`_end_with_parent`). Without it, all
-  workers of a killed command still ran after 20 s.
-- pyarrow does not import pandas (:func:`without_pandas`), which takes 0.3 s of processor time (median of 9
-  runs on a week of logs).
+Nothing heavy is imported here: worker processes can be started before this process imports what it needs
+itself. They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this
+process imports (0.4 s) and estimates (:func:`warm`). A worker ends with the command, also where the command
+is killed (:func:`_end_with_parent`). Pyarrow does not import pandas (:func:`without_pandas`): 0.3 s.
 """
 
 import gc
