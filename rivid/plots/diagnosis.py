@@ -54,7 +54,7 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
     return max((float(np.quantile(s, part)) for s in sizes if s.size), default=0.0) or 1.0
 
 
-BARS: dict[str, dict[str, Any]] = {
+BARS: dict[str, dict[str, Any]] = {  # bars by the kind of a simulation
     "baseline": {"label": "without any effect", "color": BEFORE},
     "step": {"label": "effects added", "color": AFTER},
     "described": {
@@ -62,7 +62,6 @@ BARS: dict[str, dict[str, Any]] = {
         "linewidth": 0.8,
     },
 }  # fmt: skip
-"""Bars by the kind of a simulation."""
 Row = tuple[str, str, Sequence[float], Sequence[float] | None]
 """A simulation: kind, name, and errors by horizon on the sealed and, where known, on the open days."""
 

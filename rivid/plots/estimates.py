@@ -33,13 +33,12 @@ GROUPS = 60  # a bound over the discharge is the line through the medians of so 
 DASHED = (0, (4, 2))
 
 COLOURS = {"data decide": style.INK, "data do not decide": style.LIGHT, "degenerate": style.GREY}
-MARKS: dict[str, dict[str, Any]] = {
+MARKS: dict[str, dict[str, Any]] = {  # mark of a day by the class of its delay (`kinds`)
     "data decide": {"marker": "o", "color": style.INK},
     "data do not decide": {"marker": "o", "color": style.GREY, "markerfacecolor": "white"},
     "degenerate": {"marker": "x", "color": style.GREY},
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
-"""Mark of a day by the class of its delay (:func:`rivid.results.read.kinds`)."""
 EDGED: dict[str, Any] = {"markeredgewidth": 0.8, "zorder": 3}
 
 

@@ -46,9 +46,8 @@ def daily(
 ) -> None:  # fmt: skip
     """Draw daily values against the date; `dated`: with tick labels."""
     at = [date.toordinal() for date in dates]
-    look: dict[str, Any] = {"marker": "o", "ms": 1.8} if marks else {}
     for values, colour, name in curves:
-        axes.plot(at, values, color=colour, lw=1.0, label=name, **look)
+        axes.plot(at, values, color=colour, lw=1.0, label=name, marker="o" if marks else "", ms=1.8)
     if not any(name for _, _, name in curves):
         axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(label)

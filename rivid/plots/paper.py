@@ -28,15 +28,13 @@ OFTEN = 500.0  # the paper counts the days below this discharge [m3/s]
 DELAY, ALPHA_I, ALPHA_O, K_Q, K_H = 7, 1e-4, 1.2e-4, 1.0, -1000.0
 """Of the paper's Fig. 10: d [samples], K_i T_s / A and K_o T_s / A [m per m3/s], K_Q [-], K_h [m2/s]."""
 SHOWN = 50  # lags of Fig. 10
-CURVES: dict[str, tuple[str, dict[str, Any]]] = {
+CURVES: dict[str, tuple[str, dict[str, Any]]] = {  # curves of Fig. 12: the paper's name and the look
     "ml": ("ML", {"color": style.LIGHT, "lw": 0.9, "marker": "o", "ms": 2.6}),
     "map": ("MAP", {"color": style.WATER, "lw": 1.4}),
     "jmap": ("JMAP", {"color": style.INK, "lw": 1.8, "marker": "o", "ms": 3.2, "zorder": 2.2}),
     "jmap-degenerate": ("JMAPdeg", {"color": style.GREY, "lw": 1.4, "ls": estimates.DASHED}),
 }
-"""Curves of Fig. 12: the paper's name and the look."""
-Sheet = Callable[..., tuple[Figure, list[Axes]]]
-"""Makes the sheet of a figure: takes the note, heights and number of columns, and margins."""
+Sheet = Callable[..., tuple[Figure, list[Axes]]]  # of a note, heights, the number of columns, and margins
 
 
 def draw_paper(

@@ -122,10 +122,9 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
     return read_year(logs or place, config)
 
 
-PAPER = (
+PAPER = (  # the paper's estimators: (17), (22), Tables IV, V and VI
     "ml", "map", "jmap-uniform", "jmap-uniform-estimated", "jmap", "jmap-degenerate", "direct", "indirect",
 )  # fmt: skip
-"""The paper's estimators: (17), (22), Tables IV, V and VI."""
 
 
 def estimate(year: Year) -> Results:

@@ -74,13 +74,12 @@ def styled() -> Iterator[None]:
         yield
 
 
-SYMBOLS = {
+SYMBOLS = {  # symbols of the paper as texts have them, and as they are set
     "T_s": "T_s", "u_Qi": "u_{Qi}", "u_Qo": "u_{Qo}", "h_L": "h_L", "h_ML": "h_{ML}", "alpha_h": r"\alpha_h",
     "beta_h": r"\beta_h", "alpha_i": r"\alpha_i", "alpha_o": r"\alpha_o",
     "sigma_hD": r"\sigma_{hD}", "sigma_d": r"\sigma_d", "K_i": "K_i", "K_o": "K_o",
     "K_Q": "K_Q", "K_h": "K_h", "U'U": "U^T U",
 }  # fmt: skip
-"""Symbols of the paper as texts have them, and as they are set."""
 SYMBOL = re.compile(
     r"(?<![\w$])(" + "|".join(map(re.escape, sorted(SYMBOLS, key=len)[::-1])) + r")(²?)(?!\w)"
 )

@@ -19,14 +19,13 @@ MOST = 400  # rows of days to look at, which a browser lays out at once; delays.
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
-PARTS = (
+PARTS = (  # headings of the page of the paper's figures, and the figures under each
     ("The reach and its hydraulics", ("1", "2", "3", "4", "5", "6")),
     ("The data, and the simple models", ("7", "8", "9", "10")),
     ("One day", ("11", "12")),
     ("The year", ("13", "14", "15", "16", "17", "18")),
     ("The cascade", ("19",)),
 )
-"""Headings of the page of the paper's figures, and the figures under each."""
 
 
 def write_report(

@@ -39,14 +39,13 @@ high_before | number | m3/s | upper end of its 95 % band
 """unexplained_inflow.parquet: a row for each used sample."""
 MOST_PARAMETERS = 12  # parameters on the card of an effect; diagnosis.json holds all
 WIDTH, INDENT = 80, 11  # columns of the terminal summary, and of its keys
-NOISE = {
+NOISE = {  # name and unit of each parameter of the noise model
     "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
     "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
     "surface_area": ("water surface", "m²"), "misfit": ("fronts early or late by", "samples"),
     "sample_time": ("sample time", "s"), "recall": ("share of a level error left after a sample", ""),
 }  # fmt: skip
-"""Name and unit of each parameter of the noise model."""
 
 
 def write_diagnosis(

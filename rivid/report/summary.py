@@ -61,8 +61,7 @@ class LastWeek:
     @property
     def given(self) -> Bools:
         """Days of the last week with a value, shape (n,)."""
-        given: Bools = self.week & np.isfinite(self.values)
-        return given
+        return np.asarray(self.week & np.isfinite(self.values))
 
     @property
     def by_prior(self) -> int:

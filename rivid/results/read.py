@@ -288,8 +288,7 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
     """
     logs = np.log(delays) - delays**2 / (2 * scale**2)
     weights = np.exp(logs - logs.max())
-    p: Floats = weights / weights.sum()
-    return p
+    return np.asarray(weights / weights.sum())
 
 
 MOST = 0.8  # the share of days that a range holds: four days in five

@@ -226,17 +226,15 @@ n | whole | days | in the class
 def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> None:
     """Write season.csv, season.parquet, delay_law.csv and delay_law.json into OUT, each atomically."""
     n = len(days.dates)
-    columns: dict[str, list[Any]] = {
-        "date": list(days.dates), "reach": [days.reach] * n, "estimator": [NAME] * n,
-        "delay_samples": joined.delay.tolist(), "delay_s": joined.travel.tolist(),
-        "probability": joined.sure.tolist(), "delay_low": joined.low.tolist(),
-        "delay_high": joined.high.tolist(), "observed": joined.observed.tolist(),
-        "direction": [joined.direction] * n,
+    columns: dict[str, Any] = {
+        "date": days.dates, "reach": [days.reach] * n, "estimator": [NAME] * n, "delay_samples": joined.delay,
+        "delay_s": joined.travel, "probability": joined.sure, "delay_low": joined.low,
+        "delay_high": joined.high, "observed": joined.observed, "direction": [joined.direction] * n,
     }  # fmt: skip
     table = to_table(columns, SCHEMA)
     write_parquet(table, out / "season.parquet")
     write_csv(table, out / "season.csv")
-    classes = dict(zip(LAW_SCHEMA.names, map(np.ndarray.tolist, vars(law.table).values()), strict=True))
+    classes = dict(zip(LAW_SCHEMA.names, vars(law.table).values(), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
     values = {name: v for name, v in asdict(law).items() if name != "table"}
     values["covariance"] = law.covariance.tolist() if law.status == "ok" else None

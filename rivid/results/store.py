@@ -36,11 +36,10 @@ from rivid.errors import LockedError, RividError
 from rivid.results.read import RECORD, SCHEMA_VERSION, Results, read_json, results_of
 from rivid.types import Bools, Floats
 
-KINDS = {
+KINDS = {  # types of columns, in `described`; a clock is local time without zone
     "date": pa.date32(), "moment": pa.timestamp("ms", "UTC"), "clock": pa.timestamp("ms"),
     "text": pa.string(), "number": pa.float64(), "whole": pa.int64(), "flag": pa.bool_(),
 }  # fmt: skip
-"""Types of columns, in :func:`described`; a clock is local time without zone."""
 
 
 def described(columns: str) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
@@ -98,8 +97,7 @@ SEGMENT = pa.schema([
 g, of posteriors the probability), and the begin of a data set shorter than a day."""
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a cell that a spreadsheet evaluates as a formula."""
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet evaluates
 
 
 def to_table(columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
@@ -295,11 +293,10 @@ def digest(*parts: Any) -> str:
 
 CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
-SHORT = (
+SHORT = (  # columns in memory of all rows; of the messages, those of failed days
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
     "probability", "at_bound", "mean_inflow_m3s",
 )  # fmt: skip
-"""Columns in memory of all rows; of the messages, those of failed days."""
 
 
 @dataclass(frozen=True)

@@ -182,8 +182,7 @@ def _spans(
 
 
 Done = Callable[[int], None]
-Refused = tuple[Window, str, DataError]
-"""A row without an estimate: its window, its estimator, and the reason."""
+Refused = tuple[Window, str, DataError]  # a row without an estimate: window, estimator, reason
 
 
 @dataclass(frozen=True)
@@ -288,12 +287,7 @@ def _measured(
 
 
 def _rows(
-    days: Days,
-    shared: dict[str, Any],
-    notes: list[list[str]],
-    config: Config,
-    name: str,
-    estimator: Prepared,
+    days: Days, shared: dict[str, Any], notes: list[list[str]], config: Config, name: str, estimator: Prepared
 ) -> pa.Table:
     """The rows of one estimator on data sets of one length."""
     answer, reach, n = estimator.estimate(days), config.reach, len(days.u)
