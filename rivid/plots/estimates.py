@@ -413,9 +413,7 @@ def _medians(values: Floats) -> Floats:
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
-    shown = read.has_t50(e)
-    _t50_days(ax, results, e, shown, read.day_numbers(e.dates), grow=1.0)
-    if shown.any():
+    if _t50_days(ax, results, e, read.day_numbers(e.dates), grow=1.0).any():
         ax.yaxis.grid(True)
         bounds_over_days(ax, results, e, lead=0.0)
         style.second_axis(ax, results.sample_time, "t50 [minutes]")
@@ -423,8 +421,7 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
 
 def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
-    shown = read.has_t50(e) & np.isfinite(e.mean_inflow)
-    _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
+    shown = _t50_days(ax, results, e, e.mean_inflow, grow=0.8)
     ax.set_xlabel("mean inflow of the data set [m³/s]")
     if not shown.any():
         ax.set_xticks([])
@@ -440,15 +437,14 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     style.second_axis(ax, results.sample_time, "t50 [minutes]")
 
 
-def _t50_days(
-    ax: Axes, results: Results, e: EstimatorResults, shown: Bools, x: Floats, *, grow: float
-) -> None:
-    """The days as marks over x, on an axis of lags."""
+def _t50_days(ax: Axes, results: Results, e: EstimatorResults, x: Floats, *, grow: float) -> Bools:
+    """The days as marks over x, on an axis of lags; returns which these are, shape (n,)."""
+    shown = read.has_t50(e) & np.isfinite(x)
     ax.set_ylabel("t50 [samples]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a t50.")
         ax.set_yticks([])
-        return
+        return shown
     bounds = [tau[np.isfinite(tau)] / results.sample_time for tau in (e.bound_kinematic_s, e.bound_gravity_s)]
     low, high = t50_window(e.t50[shown], [tau for tau in bounds if tau.size])
     style.lag_ticks(ax, low, high, bins=10)
@@ -463,6 +459,7 @@ def _t50_days(
         if days.any():
             label, y = f"{name} ({int(days.sum()):,})", np.clip(e.t50[days], low, high)
             style.marks(ax, x[days], y, label, size, alpha=0.8, **EDGED, **MARKS[kind])
+    return shown
 
 
 def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:

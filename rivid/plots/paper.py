@@ -90,9 +90,6 @@ def _who(year: Year) -> str:
     return f"{year.config.reach.name} · {count(len(year.dates), 'day')}"
 
 
-# Figs 1 and 8: the reach, and who acts on it
-
-
 def _drawing(sheet: Sheet, note: str, height: float) -> tuple[Figure, Axes]:
     """A panel of 100 by 30 without axes."""
     figure, (ax,) = sheet(note, [height], left=0.3, right=0.3, bottom=0.2)
@@ -163,9 +160,6 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
         ax.text(x, y, words)
     ax.text(79.5, 28.3, "v: what is not modelled", va="center", color=style.GREY)
     return figure
-
-
-# Figs 2-6: the reach and its hydraulics
 
 
 def daily_range(days: Sequence[Floats]) -> float:
@@ -248,9 +242,6 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
     style.key(ax)
     ax.set_ylabel("travel time [samples]")
     style.second_axis(ax, sample_time, "[minutes]")
-
-
-# Figs 7, 10, the priors, and 12: one day
 
 
 def logs(sheet: Sheet, year: Year, _: Results, i: int, *__: Any) -> Figure:
@@ -378,9 +369,6 @@ def responses(sheet: Sheet, _: Year, estimated: Results, i: int, *__: Any) -> Fi
     return figure
 
 
-# Figs 9 and 13-18: the year
-
-
 def _panels(year: Year) -> list[tuple[str, str]]:
     """Estimator and name of the panels of Figs 17 and 18."""
     return [
@@ -456,9 +444,6 @@ def _tdr(name: str) -> Callable[..., Figure]:
         return figure
 
     return representation
-
-
-# Fig. 19: the cascade
 
 
 def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Figure:

@@ -91,13 +91,10 @@ def read_year(data_dir: Path, config: Config) -> Year:
         raise NoDataError(f"no day of {data_dir} can be used: see `rivid check {data_dir}`")
     logged = [data.outflow for data in found if data.outflow is not None]
     return Year(
-        config=config,
-        dates=tuple(data.date for data in found),
-        inflow=tuple(data.inflow for data in found),
+        config=config, dates=tuple(data.date for data in found), inflow=tuple(data.inflow for data in found),
         outflow=tuple(logged) if len(logged) == len(found) else (),
-        level=tuple(data.output for data in found),
-        left_out=len(sources) - len(found),
-    )
+        level=tuple(data.output for data in found), left_out=len(sources) - len(found),
+    )  # fmt: skip
 
 
 def read_run(out: Path, logs: Path | None = None) -> Year:

@@ -48,9 +48,8 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
         doubts = _doubts(e)
         edges = [doubt[0] for doubt in doubts if doubt[1] == "at_bound"]
         if len(edges) > max(SHOWN, CROWD * len(e.dates)):
-            ends = float(candidates(e)[0]), float(candidates(e)[-1])
-            n = len(e.dates)
-            rows.append(_row(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=n))
+            more = {"band": (float(candidates(e)[0]), float(candidates(e)[-1])), "of": len(e.dates)}
+            rows.append(_row(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), **more))
             doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
         for doubt in doubts:
             alike.setdefault(doubt, []).append(e.estimator)
@@ -58,7 +57,7 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
     for (date, kind, message, value), names in sorted(alike.items()):
         days[kind, message, value, tuple(names)].append(date)
     for (kind, message, value, reporting), dates in sorted(days.items()):
-        more: dict[str, Any] = {"message": message, "value": float("nan") if value < 0 else value}
+        more = {"message": message, "value": float("nan") if value < 0 else value}
         rows += [_row(a, b, (b - a).days + 1, kind, reporting, **more) for a, b in spans(dates)]
     rows += far(recent) if recent else []
     return sorted(rows, key=lambda row: (row["last"], row["first"]), reverse=True)

@@ -109,11 +109,9 @@ def _median(values: Floats) -> float:
 
 def leading(results: Results) -> EstimatorResults | None:
     """Return the first estimator of the highest rank among those with a delay, or else the first at all."""
-    return max(
-        (e for e in results.estimators if e.dates),
-        key=lambda e: ESTIMATORS[e.estimator].represents if read.estimates_delay(e) else (),
-        default=None,
-    )
+    having = [e for e in results.estimators if e.dates]
+    with_delay = [e for e in having if read.estimates_delay(e)]
+    return max(with_delay or having[:1], key=lambda e: ESTIMATORS[e.estimator].represents, default=None)
 
 
 def last_week(results: Results) -> LastWeek | None:

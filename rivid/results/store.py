@@ -485,11 +485,10 @@ class Store:
         self._lock.release()
         self._shard_lock.release()
 
-    def known_files(self, data_dir: Path) -> dict[str, Any]:
-        """Facts on the files of DATA_DIR from the last finished run; empty where there are none."""
+    def known_files(self, data_dir: Path) -> Any:
+        """Facts on the files of DATA_DIR from the last finished run, unchecked; None where there are none."""
         known = read_json(self.root / "files.json")
-        files = known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
-        return files if isinstance(files, dict) else {}
+        return known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
 
     def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
         """Store facts on the files of DATA_DIR."""

@@ -108,11 +108,7 @@ class Plan:
 
 
 def make_plan(
-    data_dir: Path,
-    config: Config,
-    options: Options,
-    known: dict[str, Any] | None = None,
-    engine: Engine | None = None,
+    data_dir: Path, config: Config, options: Options, known: Any = None, engine: Engine | None = None
 ) -> Plan:
     """Find the days of DATA_DIR and make windows of them; where much is new, the engine's workers read it.
 
