@@ -132,7 +132,7 @@ def sheet(
     """A figure with a title, a line of facts under it, and a grid of panels, which are returned row by row.
 
     `heights` of the rows, from the top, `gap` between columns and between rows, the margins, and `heading`,
-    the left end of title and note (`left` by default), are in inches; `widths` are parts.
+    the left end of title and note (`left` by default), are in inches; `widths` are shares of what is left.
     """
     height = top + sum(heights) + gap[1] * (len(heights) - 1) + bottom
     figure = Picture(figsize=(WIDTH, height), dpi=DPI)
@@ -244,7 +244,7 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
 
 
 def second_axis(ax: Axes, sample_time: float, label: str) -> Axes:
-    """A right-hand axis for a left-hand one in samples; "minutes" in its label become hours from two on."""
+    """A right-hand axis of times for one in samples; from two hours on, `label` has hours for "minutes"."""
     low, high = ax.get_ylim()
     unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
@@ -279,7 +279,6 @@ def power_of_ten(values: Floats) -> tuple[float, str]:
     return 10.0**-power, f"{ten_to(power)} "
 
 
-# on an axis of dates, a day is the unit interval around its ordinal number, so a missing day keeps its width
 # not strftime: the locale must not change the figures
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 LETTER = 0.087  # width that a letter of a date label needs, with its share of the gap to the next [inch]
@@ -289,10 +288,11 @@ STRIP, STRIP_GAP = 0.11, 0.05  # height of the strip of days without an answer, 
 def date_ticks(
     first: dt.date, last: dt.date, width: float = 100.0
 ) -> tuple[list[float], list[float], list[str]]:
-    """Places of lines, and places and texts of labels, from `first` to `last`; `width` [inch] allows so many.
+    """Places of lines, and places and texts of the labels that fit in `width` [inch], for `first` to `last`.
 
-    Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
-    under the first of its labels.
+    A day is the unit interval around its ordinal number, so a missing day keeps its width. Up to 80 days the
+    labels are under their days; beyond, months or years lie between lines. The year is under the first of its
+    labels.
     """
     span = (last - first).days + 1
     step = 1 if span <= 900 else 12

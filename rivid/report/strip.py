@@ -14,13 +14,7 @@ from rivid.text import time_unit
 
 WIDTH, HEIGHT = 720.0, 216.0
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0  # the margins, in units of which text is 11 high
-FRAME = {
-    "left": LEFT,
-    "right": WIDTH - RIGHT,
-    "top": TOP,
-    "width": WIDTH,
-    "height": HEIGHT,
-}  # for the template
+FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "height": HEIGHT}  # edges
 LEAST = 4.0  # smallest span of the delays shown [samples]: a calm record looks calm
 LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "doubt", "at a bound": "doubt"}
 """Class of the mark of a day by the class of its delay."""

@@ -140,21 +140,20 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
             "leave it out"
         )
     n = len(days.dates)
-    p = np.empty(days.probability.shape)
-    in_set: Bools = np.empty(p.shape, bool)
-    delay, sure = np.empty((2, n))
-    observed: Bools = np.empty(n, bool)
-    related = 0.0
-    for first in range(min(days.window, n)):
-        take = slice(first, None, days.window)
-        found = season(
-            days.probability[take], None, days.discharge[take], d_min=int(days.candidates[0]),
+    parts = [np.arange(first, n, days.window) for first in range(min(days.window, n))]
+    found = [
+        season(
+            days.probability[part], None, days.discharge[part], d_min=int(days.candidates[0]),
             both_ways=both_ways,
-        )  # fmt: skip
-        p[take], in_set[take], observed[take] = found.probability, found.in_set, found.observed
-        delay[take], sure[take] = found.delay, found.sure
-        if (n - 1) % days.window == first:
-            related = 1.0 - float(found.independent[-1])
+        )
+        for part in parts
+    ]  # fmt: skip
+    order = np.argsort(np.concatenate(parts))
+    p, in_set, observed, delay, sure = (
+        np.concatenate([getattr(one, name) for one in found])[order]
+        for name in ("probability", "in_set", "observed", "delay", "sure")
+    )
+    related = 1.0 - float(found[(n - 1) % days.window].independent[-1])
     middle = days.place(p, 0.5)
     if days.river:
         delay, sure = _river_answer(days, p, middle)

@@ -382,7 +382,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 
 
 def work(batch: Batch, segments: Path) -> None:
-    """Estimate a batch and write its segment, in a worker; RividError for a lost disk: no day failed."""
+    """Estimate a batch and write its segment, in a worker; a lost disk is a RividError and no failed day."""
     for place in (batch.root, segments):
         if not place.exists():
             raise RividError(
@@ -414,9 +414,7 @@ LEAST_BATCH = 128  # least days of a batch: enough to be worth a file
 BATCH_DAYS = 366  # most days: one worker reads a log of a year
 BATCHES_EACH = 4  # batches for each worker, so that all end at about the same time
 ONE_PROCESS_BELOW = 1000  # new days: starting worker processes takes longer than to estimate fewer
-LISTED_HERE = (
-    10 << 20
-)  # bytes of new files of many days that one process reads: workers take as long to start
+LISTED_HERE = 10 << 20  # bytes of new files that this process reads: workers take as long to start
 
 
 class TooManyError(RividError):
