@@ -119,8 +119,8 @@ def lists(values: Floats | None, given: Bools) -> pa.Array | None:
     """A column with, as cells, the rows of `values`, shape (n, width); empty where not `given`, (n,)."""
     if values is None:
         return None
-    cells = pa.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1], mask=pa.array(~given))
-    return cells.cast(FLOATS)
+    offsets = np.append(0, np.cumsum(given * values.shape[1])).astype(np.int32)
+    return pa.ListArray.from_arrays(offsets, values[given].ravel(), mask=pa.array(~given))
 
 
 def finite(row: dict[str, Any]) -> dict[str, Any]:
