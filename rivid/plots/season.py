@@ -24,12 +24,9 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
     """Draw season.png and delay_law.png of at least one day; without a law the days are drawn alone."""
     first, last = days.dates[0], days.dates[-1]
     with style.styled():
-        figure, (ax,) = style.sheet(
-            f"Delay over the season: {NAME}",
-            f"{days.reach} · {WAYS[joined.direction]} · {count(len(days.dates), 'day')}, "
-            f"{day_range(first, last)}",
-            [2.42],
-        )
+        span = f"{count(len(days.dates), 'day')}, {day_range(first, last)}"
+        note = f"{days.reach} · {WAYS[joined.direction]} · {span}"
+        figure, (ax,) = style.sheet(f"Delay over the season: {NAME}", note, [2.42])
         style.date_axis(ax, first, last)
         season(ax, days, joined)
         style.key(ax)

@@ -46,7 +46,7 @@ def printable(text: str) -> str:
 
 def name(code: str) -> str:
     """Return the name of an effect in words."""
-    return printable(code.replace("_", " ")).strip() or "an effect without a name"
+    return printable(code.replace("_", " ")) or "an effect without a name"
 
 
 def tight(text: str) -> str:
@@ -64,8 +64,7 @@ def _decimals(spread: float, value: float) -> int:
 def _fixed(value: float, decimals: int) -> str:
     if value != 0 and not 1e-4 <= abs(value) < 1e7:
         return f"{value:.2e}"
-    text = f"{value:,.{min(decimals, 8)}f}"
-    return text.removeprefix("-") if float(text.replace(",", "")) == 0 else text
+    return f"{value:z,.{min(decimals, 8)}f}"  # z: no minus sign before a zero
 
 
 def estimate(e: Estimate) -> str:
