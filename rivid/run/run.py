@@ -579,8 +579,11 @@ def _summarise(
     table = rows.table
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
-    estimators = before.get("estimators")
-    known = estimators if isinstance(estimators, list) else []  # of a file that users may have edited
+    # users may have edited the record of the run before
+    reported, known_bad, known = (
+        value if isinstance(value := before.get(key), list) else []
+        for key in ("failed", "bad_files", "estimators")
+    )
     counts: dict[str, dict[str, int]] = {}
     for name in pc.unique(table["estimator"]).to_pylist():
         of = table["status"].filter(pc.equal(table["estimator"], name))
@@ -596,10 +599,10 @@ def _summarise(
         reused=len(pc.unique(table["key"])) - len(new),
         dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
         failed=failed,
-        new_failures=len(set(failed) - set(before.get("failed", []))),
+        new_failures=len(set(failed).difference(map(str, reported))),
         counts=counts,
         bad_files=bad_files,
-        new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
+        new_bad_files=[b for b in bad_files if list(b) not in known_bad],
         damaged=held.damaged,
         unasked=[str(name) for name in known if str(name) not in config.run.estimators],
     )
