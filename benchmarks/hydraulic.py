@@ -88,7 +88,7 @@ def draw(times: TravelTimes, path: Path) -> None:
         for ax in (upper, lower):
             ax.set_xlim(times.flow[0], times.flow[-1])
             ax.grid(True, axis="y")
-        style.second_axis(lower, T)
+        style.second_axis(lower, T, "minutes")
         style.key(lower)
         style.save(figure, path)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
@@ -37,23 +37,15 @@ LOOKS: tuple[dict[str, Any], ...] = (
 )
 """Curves of a day: measured, simulated without and with the named effects."""
 
-NAME_LENGTH = 36
-"""Characters of the name of a simulation next to its bar; the table of the page has the whole name."""
-SHARE = 0.99
-"""Share of the cells of the map inside the colour scale: single extreme hours must not dominate it."""
+NAME_LENGTH = 36  # characters of the name next to a bar; the table of the page has the whole name
+SHARE = 0.99  # of the cells of the map inside the colour scale: single hours must not dominate it
 RANK = 0.8
-"""Rank of the plotted day among the days kept apart by the error of the simulation without effects.
-
-The last day in this order is a day of a broken gauge more often than of a typical gap.
-"""
-WHOLE = 0.8
-"""Smallest share of the samples of a full day that the plotted day has."""
-POINTS = 1500
-"""Points of the course of a season at most, about as many as the figure has pixels across."""
-BINS = 8
-"""Bins of a logged series: blocks of a short season fill as many."""
-FEWEST = 4
-"""Blocks of days that a bin needs for an interval: with fewer, t gives intervals as wide as the panel."""
+"""Rank of the plotted day by the error of the simulation without effects: the last is a day of a broken gauge
+more often than of a typical gap."""
+WHOLE = 0.8  # smallest share of the samples of a full day that the plotted day has
+POINTS = 1500  # points of the course of a season at most, about as many as the figure has pixels across
+BINS = 8  # bins of a logged series: blocks of a short season fill as many
+FEWEST = 4  # blocks of days that a bin needs: with fewer, t gives intervals as wide as the panel
 
 
 def limits(*curves: Floats, part: float = 1.0) -> float:
@@ -62,8 +54,14 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
     return max((float(np.quantile(s, part)) for s in sizes if s.size), default=0.0) or 1.0
 
 
-# The errors some hours ahead
-
+BARS: dict[str, dict[str, Any]] = {  # bars by the kind of a simulation
+    "baseline": {"label": "without any effect", "color": BEFORE},
+    "step": {"label": "effects added", "color": AFTER},
+    "described": {
+        "label": "events timed on the day", "facecolor": "white", "edgecolor": AFTER, "hatch": "/////",
+        "linewidth": 0.8,
+    },
+}  # fmt: skip
 Row = tuple[str, str, Sequence[float], Sequence[float] | None]
 """A simulation: kind, name, and errors by horizon on the sealed and, where known, on the open days."""
 
@@ -95,14 +93,8 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
     ax.set_xlim(0, 1.28 * (max(shown, default=0.0) or 1.0))
     ax.set_ylim(-0.5, len(bars) - 0.5)
     for at, (kind, value, known) in zip(y, bars, strict=True):
-        look: dict[str, Any] = {"color": AFTER, "label": "effects added"}
-        if kind == "baseline":
-            look = {"color": BEFORE, "label": "without any effect"}
-        elif kind == "described":
-            look = {"facecolor": "white", "edgecolor": AFTER, "hatch": "/////", "linewidth": 0.8}
-            look |= {"label": "events timed on the day"}
         if np.isfinite(value):
-            ax.barh(at, value, 0.62, **look)
+            ax.barh(at, value, 0.62, **BARS[kind])
         if np.isfinite(known):
             ax.plot(
                 known, at, "o", ms=4.5, mfc="white", mec=style.INK, mew=1.0, zorder=3,
@@ -113,18 +105,16 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
             xytext=(5, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
-    for _, floor, _ in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
-        ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
+    for kind, floor, _ in values:
+        if kind == "floor" and np.isfinite(floor):
+            ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
-    ax.yaxis.set_major_locator(FixedLocator(y.tolist()))
+    ax.set_yticks(y)
     ax.tick_params(axis="y", length=0)
 
 
 def _digits(value: float) -> str:
     return f"{value:.0f}" if value >= 19.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2g}"
-
-
-# The unexplained inflow by hour and date
 
 
 def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
@@ -146,7 +136,7 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
             extent=(dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5, 0, 24),
         )  # fmt: skip
         style.date_axis(ax, dates[0], dates[-1])
-        ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
+        ax.set_yticks(range(0, 25, 6))
         style.heading(ax, words if len(maps) == 2 else "")
     panels[0].set_ylabel("hour of the day")
     for ax in panels[1:]:
@@ -154,21 +144,18 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     bar = style.panel(figure, style.WIDTH - 0.8, 0.55, 0.13, 2.73)
     scale = np.linspace(-1, 1, 255)[:, None]
     bar.imshow(scale, cmap=SIGNED, aspect="auto", origin="lower", extent=(0, 1, -top, top))
-    bar.xaxis.set_ticks([])
+    bar.set_xticks([])
     bar.yaxis.tick_right()
     bar.set_ylabel("unexplained inflow [m³/s]")
     bar.yaxis.set_label_position("right")
     return style.written(figure, folder / "diagnosis_map.png", "When water is missing", named=named)
 
 
-def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
-    """Mean of each hour of each calendar day, shape (24, calendar days); NaN without valid samples.
-
-    `values`, `hour` [h] and `used` have the shape (days, n).
-    """
-    day = np.array([(date - dates[0]).days for date in dates])
-    cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * day[:, None]
-    return cell_means(values, cell, used, 24 * (int(day[-1]) + 1)).reshape(-1, 24).T
+def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date], step: int = 1) -> Floats:
+    """Mean of each `step` hours of each calendar day, (24 / step, calendar days), of samples (days, n)."""
+    day, parts = np.array([(date - dates[0]).days for date in dates]), 24 // step
+    cell = np.minimum((hour + 1e-9).astype(np.int64) // step, parts - 1) + parts * day[:, None]
+    return cell_means(values, cell, used, parts * (int(day[-1]) + 1)).reshape(-1, parts).T
 
 
 def cell_means(values: Floats, cell: ArrayLike, used: Bools, size: int) -> Floats:
@@ -185,10 +172,7 @@ def daily_means(values: Floats, used: Bools) -> Floats:
     return cell_means(values, day, used, len(values))
 
 
-# The unexplained inflow over the season
-
-Window = tuple[str, dt.date, dt.date]
-"""An effect and the dates on which it acts, both ends included."""
+Window = tuple[str, dt.date, dt.date]  # an effect and the dates on which it acts, both ends included
 
 
 def draw_inflow(
@@ -200,10 +184,8 @@ def draw_inflow(
     shown = [(WITHOUT, BEFORE, e.inflow_before, e.inflow_before_sd)]
     shown += [(WITH, AFTER, e.inflow_after, e.inflow_after_sd)] if named else []
     drivers = [("hour of the day", hour), ("inflow [m³/s]", r.inflow)]
-    if r.kind == "pool":
-        drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)]
-    else:
-        drivers += [("discharge [m³/s]", r.output)]
+    pool = [("outflow [m³/s]", r.outflow), ("level [m]", r.output)]
+    drivers += pool if r.kind == "pool" else [("discharge [m³/s]", r.output)]
     small, below = 1.5, 0.55  # height of the panels at the bottom, and the margin under them [inch]
     figure, panels = style.sheet(
         "The unexplained inflow",
@@ -223,8 +205,7 @@ def draw_inflow(
         style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
         style.date_axis(ax, dates[0], dates[-1], labels=ax is panels[-1])
     if windows:
-        names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
-        text = shorten(f"grey: dates of {names}", 80)
+        text = shorten("grey: dates of " + "; ".join(dict.fromkeys(name for name, _, _ in windows)), 80)
         style.heading(panels[-1], text, at=1, fontsize=8, color=style.GREY)
 
     each = (style.WIDTH - 0.72 - 0.3 - 0.3 * (len(drivers) - 1)) / len(drivers)
@@ -241,7 +222,7 @@ def draw_inflow(
             style.few_ticks(ax, "x", bins=4)
             ax.tick_params(axis="y", labelleft=False)
         else:
-            style.hour_axis(ax)
+            ax.set(xlim=(0, 24), xticks=range(0, 25, 6))
             ax.set_ylabel("mean [m³/s]")
             style.heading(ax, "Its mean by hour and by logged series", up=6, fontweight="bold")
         if not any(np.isfinite(mean).any() for _, mean, _ in found):
@@ -270,12 +251,9 @@ def course(
     """
     span = (dates[-1] - dates[0]).days + 1
     step = next(h for h in (1, 2, 3, 6, 12, 24) if 24 / h * span <= POINTS or h == 24)
-    parts, first = 24 // step, dates[0].toordinal()
-    day = np.array([date.toordinal() for date in dates]) - first
-    cell = day[:, None] * parts + np.minimum(hour // step, parts - 1).astype(np.int64)
     there = used & np.isfinite(flow) & np.isfinite(sd)
-    at = first - 0.5 + (np.arange(span * parts) + 0.5) / parts
-    mean, deviation = (cell_means(values, cell, there, span * parts) for values in (flow, sd))
+    mean, deviation = (hourly_map(values, hour, there, dates, step).T.ravel() for values in (flow, sd))
+    at = dates[0].toordinal() - 0.5 + (np.arange(len(mean)) + 0.5) * step / 24
     return at, mean, 1.96 * deviation, step
 
 
@@ -290,13 +268,11 @@ def edges_of(driver: Floats, used: Bools) -> Floats:
 def means(
     series: Floats, driver: Floats, used: Bools, block: ArrayLike, edges: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean of a series in each bin of a driver, with 95 % intervals.
+    """Mean of the driver, mean of a series in its bins, and half width of the 95 % interval, shape (bins,).
 
-    Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The last bin holds its
-    upper edge. Returns the mean of the driver, the mean of the series and the half width of its interval,
-    each of shape (bins,): NaN where a bin has no samples or, for the interval, fewer than :data:`FEWEST`
-    blocks. The variance is that of a ratio of sums over blocks, by linearisation, with Student's t on blocks
-    less one.
+    Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The variance is that of
+    a ratio of sums over blocks, by linearisation, with Student's t on blocks less one. NaN where a bin has no
+    samples or, for the interval, fewer than :data:`FEWEST` blocks. The last bin holds its upper edge.
     """
     k = max(len(edges) - 1, 0)
     if not k:
@@ -318,9 +294,6 @@ def means(
         variance = (rest**2).sum(axis=0) / total**2 * seen / (seen - 1)
         half = student.ppf(0.975, np.maximum(seen - 1, 1)) * np.sqrt(variance)
     return centre, mean, np.where(seen >= FEWEST, half, np.nan)
-
-
-# One day that was kept apart
 
 
 def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | None:
@@ -365,7 +338,7 @@ def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | N
 def _hours_of_day(panels: Sequence[Axes], bins: int) -> None:
     """Grids and a common axis of hours of panels below each other, with up to `bins` intervals of values."""
     for ax in panels:
-        style.hour_axis(ax, 3)
+        ax.set(xlim=(0, 24), xticks=range(0, 25, 3))
         style.few_ticks(ax, bins=bins)
         ax.grid(True)
         ax.tick_params(axis="x", labelbottom=ax is panels[-1])
@@ -385,9 +358,6 @@ def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
     days = np.flatnonzero(whole if whole.any() else known)
     order = days[np.argsort(error[days], kind="stable")]
     return int(order[round(RANK * (len(order) - 1))]) if len(order) else None
-
-
-# One day with the operators in the loop
 
 
 def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureFile:

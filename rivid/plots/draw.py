@@ -1,13 +1,13 @@
 """Figures of a run: results in, PNG files out."""
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rivid.errors import ConfigError
@@ -21,20 +21,11 @@ from rivid.text import count, day_range, delays, probability, response_unit, sam
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
 """How the names of these figures begin in OUT/figures."""
 
-Job = tuple[str, str]
-"""A figure to draw: its kind, and the estimator it shows; empty for all of them."""
-
-Drawn = tuple[Figure, str, dict[str, Any]]
-"""A figure, its title on a page and the facts of its caption."""
+Job = tuple[str, str]  # a figure to draw: its kind, and the estimator it shows; empty for all of them
 
 
 def jobs(results: Results) -> list[Job]:
-    """The figures of a run (Figs 12-18), in the order of the report.
-
-    Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
-    delay_discharge, where it estimates delays; then the responses of one day. For a river, t50 and
-    t50_discharge of the leading estimator.
-    """
+    """The figures of a run (Figs 12-18), in the order of the report."""
     leading = read.leading_response(results)
     listed: list[Job] = []
     for e in results.estimators:
@@ -50,20 +41,16 @@ def jobs(results: Results) -> list[Job]:
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
     """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it.
 
-    Responses are those of `day`, a typical one by default. Equal results give equal bytes. ConfigError where
-    `day` has no response, RividError where a file cannot be written.
+    Responses are those of `day`, a typical one by default; ConfigError where it has none.
     """
     kind, name = job
     with style.styled():
-        drawn = _of_estimator(results, results.of(name), kind) if name else _fir_day(results, day)
-        if drawn is None:
-            return None
-        path = folder / (f"{kind}_{name}.png" if name else f"{kind}.png")
-        figure, title, facts = drawn
-        return style.written(figure, path, title, kind=kind, estimator=name, **facts)
+        if name:
+            return _of_estimator(results, results.of(name), kind, folder)
+        return _fir_day(results, day, folder)
 
 
-def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
+def _of_estimator(results: Results, e: EstimatorResults, kind: str, folder: Path) -> FigureFile:
     """A figure of one estimator: of all its days, or of those with a mean inflow against it."""
     title, height, plot = FIGURES[kind]
     days = read.has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else read.found(e)
@@ -92,7 +79,8 @@ def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
     }
     if t := read.thirds(e):
         facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= read.CLEAR}
-    return figure, title, facts
+    path = folder / f"{kind}_{e.estimator}.png"
+    return style.written(figure, path, title, kind=kind, estimator=e.estimator, **facts)
 
 
 def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
@@ -100,10 +88,8 @@ def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
     lag, name = (e.delay, "delay d") if read.found(e).any() else (e.t50, "t50")
     estimates.tdr(
         ax, read.day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
-        sample_time=results.sample_time,
+        sample_time=results.sample_time, unit=response_unit(results.output_unit),
     )  # fmt: skip
-    if e.answered.any():
-        estimates.grey_scale(ax, estimates.grey_limits(fir), response_unit(results.output_unit))
 
 
 FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults], Any]]] = {
@@ -115,11 +101,7 @@ FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults],
     "delay_discharge": ("Delay and discharge", 2.62, estimates.delay_discharge),
 }
 """Figures of one estimator by kind: title, height of the panel [inch] and what draws it."""
-DATED = ("t50", "tdr", "delay_map")
-"""Figures over the days of the record."""
-
-
-# All impulse responses of one day (Fig. 12)
+DATED = ("t50", "tdr", "delay_map")  # figures over the days of the record
 
 
 def typical_day(results: Results) -> dt.date | None:
@@ -128,17 +110,16 @@ def typical_day(results: Results) -> dt.date | None:
     Of these days, those on which ``jmap`` finds its median delay (where it is among the estimators), and of
     those the one of median condition number.
     """
-    answers: dict[dt.date, int] = {}
-    conditions: dict[dt.date, float] = {}
-    for e in results.estimators:
-        for i in np.flatnonzero(e.answered & np.isfinite(e.fir).any(axis=1)):
-            answers[e.dates[i]] = answers.get(e.dates[i], 0) + 1
-            if np.isfinite(e.condition[i]):
-                conditions.setdefault(e.dates[i], float(e.condition[i]))
-    if not answers:
+    answered = [
+        (e.dates[i], float(e.condition[i]))
+        for e in results.estimators
+        for i in np.flatnonzero(e.answered & np.isfinite(e.fir).any(axis=1))
+    ]
+    if not answered:
         return None
-    most = max(answers.values())
-    kept = {day for day, n in answers.items() if n == most}
+    answers = Counter(day for day, _ in answered)
+    kept = {day for day, n in answers.items() if n == max(answers.values())}
+    conditions = {day: c for day, c in reversed(answered) if np.isfinite(c)}  # of the first that has one
     for e in results.estimators:
         if e.estimator == "jmap" and np.isfinite(e.delay).any():
             median = np.nanpercentile(e.delay, 50, method="lower")
@@ -147,7 +128,7 @@ def typical_day(results: Results) -> dt.date | None:
     return days[(len(days) - 1) // 2][1]  # of two in the middle the lower one, of equals the earlier
 
 
-def _fir_day(results: Results, day: dt.date | None) -> Drawn | None:
+def _fir_day(results: Results, day: dt.date | None, folder: Path) -> FigureFile | None:
     """A panel for each estimator; None where no day has an answer and no day is given."""
     chosen = typical_day(results) if day is None else day
     shown = []
@@ -158,9 +139,10 @@ def _fir_day(results: Results, day: dt.date | None) -> Drawn | None:
         if day is None:
             return None
         raise ConfigError(f"no impulse response on {day}: choose a day with status ok in delays.csv")
-    unit, columns = results.output_unit, 1 if len(shown) == 1 else 2
+    title, unit = f"Impulse responses of {chosen}", results.output_unit
+    columns = 1 if len(shown) == 1 else 2
     figure, panels = style.sheet(
-        f"Impulse responses of {chosen}",
+        title,
         f"{results.reach} · h[k] in {response_unit(unit)} against the lag k in samples",
         [1.25] * -(-len(shown) // columns), [1.0] * columns, gap=(0.65, 0.9), right=0.25, top=1.07,
         bottom=0.68,
@@ -175,13 +157,10 @@ def _fir_day(results: Results, day: dt.date | None) -> Drawn | None:
     for ax in panels[len(shown) :]:
         ax.remove()
     used = [ESTIMATORS[e.estimator] for e, _ in shown]
-    facts = {
-        "unit": unit,
-        "band": any(e.fir_sd is not None for e, _ in shown),
-        "probable": any(one.has_probability for one in used),
-        "cusum": any(one.method == "CUSUM" for one in used),
-    }
-    return figure, f"Impulse responses of {chosen}", facts
+    return style.written(
+        figure, folder / "fir_day.png", title, unit=unit, band=any(e.fir_sd is not None for e, _ in shown),
+        probable=any(one.has_probability for one in used), cusum=any(one.method == "CUSUM" for one in used),
+    )  # fmt: skip
 
 
 def _response(ax: Axes, e: EstimatorResults, i: int, sample_time: float) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
-from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import ArrayLike
+from matplotlib.colors import to_rgba
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
@@ -21,32 +21,24 @@ from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
 ROBUST = (1.0, 99.0)
-"""Percentiles of all coefficients that are white and black.
-
-One scale for the record: with a scale per day, the grey of a bar would depend on its two most extreme, and
-least certain, coefficients, and the step at d would be hidden by stripes.
-"""
-DARKEST = 0.45
-"""Opacity of a cell of probability 1: marks and lines stay readable on it."""
-GOLDEN = 0.6180339887498949
-"""Fraction of the golden ratio: its multiples modulo 1 are evenly spread for any number of marks."""
+"""Percentiles of all coefficients of the record that are white and black: with a scale per day, the grey of a
+bar would depend on its two most extreme, and least certain, coefficients."""
+DARKEST = 0.45  # opacity of a cell of probability 1: marks and lines stay readable on it
+GOLDEN = 0.6180339887498949  # multiples modulo 1 are evenly spread for any number of marks
 FAR = 6.0
 """Days so many interquartile ranges beyond the quartiles are marked at the edge of a panel of t50, so that
 single days do not compress the others."""
-WIDER = 2.5
-"""A bound widens a panel of t50 up to so many times what the days need; beyond, text names it."""
-GROUPS = 60
-"""A bound over the discharge is the line through the medians of so many groups of days."""
+WIDER = 2.5  # a bound widens a panel of t50 up to so many times what the days need; beyond, text names it
+GROUPS = 60  # a bound over the discharge is the line through the medians of so many groups of days
 DASHED = (0, (4, 2))
 
 COLOURS = {"data decide": style.INK, "data do not decide": style.LIGHT, "degenerate": style.GREY}
-MARKS: dict[str, dict[str, Any]] = {
+MARKS: dict[str, dict[str, Any]] = {  # mark of a day by the class of its delay (`kinds`)
     "data decide": {"marker": "o", "color": style.INK},
     "data do not decide": {"marker": "o", "color": style.GREY, "markerfacecolor": "white"},
     "degenerate": {"marker": "x", "color": style.GREY},
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
-"""Mark of a day by the class of its delay (:func:`rivid.results.read.kinds`)."""
 EDGED: dict[str, Any] = {"markeredgewidth": 0.8, "zorder": 3}
 
 
@@ -54,9 +46,6 @@ def _class_label(kind: str, e: EstimatorResults, days: int, counted: bool) -> st
     """A class of days in a legend; an estimator that does not judge its delays has delays only."""
     name = "delay" if kind == "data decide" and ESTIMATORS[e.estimator].unchecked else kind
     return f"{name} ({days:,})" if counted else name
-
-
-# Impulse responses
 
 
 def grey_limits(fir: Floats) -> tuple[float, float]:
@@ -81,19 +70,21 @@ def tdr(
     high: Floats | None = None,
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
+    unit: str = "",
 ) -> None:
     """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
-    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
-    M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
-    [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
-    90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
-    minutes. `greys` are the values that are white and black, by default those of the figure's own responses.
+    `day`, shape (n,), are whole numbers in increasing order; `fir`, shape (n, M), is NaN on days without a
+    response. `lag` [samples], shape (n,), is marked on each day, `label` in the legend, and the set of delays
+    from `low` to `high` [samples] where it holds more than one. `sample_time` [s] adds an axis in minutes.
+    `greys` are the values that are white and black, by default by the responses themselves; their `unit`
+    adds a scale.
     """
     x, M = np.asarray(day, float), fir.shape[1]
     at = (x - x[0]).astype(int)
     days = int(at[-1]) + 1
     answered = np.isfinite(fir).any(axis=1)
+    white, black = grey_limits(fir) if greys is None else greys
     width = style.inches(ax)[0]
     ax.set_facecolor(style.NO_DATA)
     if answered.any():
@@ -101,7 +92,6 @@ def tdr(
         image[:, at[answered]] = fir[answered].T
         if days > 380:  # narrower than pixels: matplotlib averages neighbours; repeated lags stay separate
             image = np.repeat(image, -(-400 // M), axis=0)
-        white, black = grey_limits(fir) if greys is None else greys
         ax.imshow(
             image, cmap="Greys", vmin=white, vmax=black, origin="lower", aspect="auto",
             extent=(x[0] - 0.5, x[-1] + 0.5, -0.5, M - 0.5),
@@ -109,8 +99,7 @@ def tdr(
         ax.set_autoscale_on(False)
     else:
         style.message(ax, f"None of the {count(len(x), 'day')} has a response.")
-    marked = answered & np.isfinite(lag if lag is not None else np.full(len(x), np.nan))
-    if lag is not None and marked.any():
+    if lag is not None and (marked := answered & np.isfinite(lag)).any():
         half = max(0.5, 0.75 * days / (72 * width))  # day; a mark is at least 1.5 points long
         for colour, thick in (("white", 2.9), (style.ACCENT, 1.7)):  # the white edge contrasts with any grey
             ax.hlines(lag[marked], x[marked] - half, x[marked] + half, colors=colour, linewidths=thick)
@@ -126,22 +115,22 @@ def tdr(
         look = {"marker": "s", "color": style.NO_DATA, "markersize": 6, "markeredgecolor": style.LIGHT}
         style.entry(ax, "no response", **look)
     ax.set_ylabel("lag k [samples]")
-    if M:
-        style.lag_ticks(ax, -0.5, M - 0.5)
-    else:
-        style.no_ticks(ax, "y")
-    if M and sample_time is not None:
+    if not M:
+        ax.set_yticks([])
+        return
+    style.lag_ticks(ax, -0.5, M - 0.5)
+    if sample_time is not None:
         style.second_axis(ax, sample_time, "lag [minutes]")
+    if unit and answered.any():
+        _grey_scale(ax, white, black, unit)
 
 
-def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
-    """The scale of greys of :func:`tdr` above the right end of its panel."""
-    low, high = greys
+def _grey_scale(ax: Axes, low: float, high: float, unit: str) -> None:
+    """The scale of greys above the right end of a panel."""
     figure: Any = ax.get_figure(root=True)
     width, height = (float(v) for v in figure.get_size_inches())
-    bar = style.panel(
-        figure, ax.get_position().x1 * width - 1.75, ax.get_position().y1 * height + 0.13, 1.1, 0.1
-    )
+    box = ax.get_position()
+    bar = style.panel(figure, box.x1 * width - 1.75, box.y1 * height + 0.13, 1.1, 0.1)
     bar.imshow(np.linspace(0, 1, 64)[None, :], cmap="Greys", aspect="auto")
     _framed(bar)
     words: dict[str, Any] = {"transform": bar.transAxes, "va": "center", "fontsize": 8}
@@ -159,10 +148,9 @@ def _framed(ax: Axes) -> None:
 def response(
     ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
 ) -> None:
-    """The impulse response of one day, shape (M,), with its jump from d to d + 1.
+    """The impulse response of one day, shape (M,), with two standard deviations `sd` to either side.
 
-    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none. A band shows two
-    standard deviations `sd`, shape (M,), to either side.
+    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none.
     """
     k = np.arange(len(fir))
     ax.axhline(0, color=style.LIGHT, lw=0.7)
@@ -199,11 +187,8 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
     _framed(bar)
     bar.xaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
     ax.spines["bottom"].set_visible(False)
-    style.no_ticks(ax)
+    ax.set_xticks([])
     return bar
-
-
-# Delays
 
 
 def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
@@ -214,34 +199,27 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
     bins, digits = min(round(3.6 * width), 20), int(width > 5)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
     unit, seconds = time_unit(high * sample_time)
-
-    def label(d: float, _: int | None) -> str:
-        return f"{d:.0f}\n{d * sample_time / seconds:.{digits}f}"
-
-    ax.xaxis.set_major_formatter(FuncFormatter(label))
+    ax.xaxis.set_major_formatter(lambda d, _: f"{d:.0f}\n{d * sample_time / seconds:.{digits}f}")
     ax.tick_params(axis="x", length=3)
     ax.set_xlabel(f"delay d [samples; below: {unit}]", labelpad=4)
 
 
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
-    with_delay = read.found(e)
-    classes = {
-        "data decide": ~e.prior_only & ~e.degenerate,
-        "data do not decide": e.prior_only & ~e.degenerate,
-        "degenerate": e.degenerate,
-    }
-    whole = max(int(with_delay.sum()), 1)
+    days = read.found(e)
+    prior, doubt = e.prior_only & ~e.degenerate, e.degenerate
     return {
-        name: np.array([100 * np.count_nonzero(e.delay[days & with_delay] == at) / whole for at in places])
-        for name, days in classes.items()
-    }
+        name: 100 * (e.delay[days & kind, None] == places).sum(axis=0) / max(int(days.sum()), 1)
+        for name, kind in (
+            ("data decide", ~prior & ~doubt), ("data do not decide", prior), ("degenerate", doubt)
+        )
+    }  # fmt: skip
 
 
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
     """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
-    The legend is `counted`: it has numbers of days; without them several panels can share it.
+    The legend has numbers of days where it is `counted`; without them several panels can share it.
     """
     places, days = read.candidates(e), read.found(e)
     top = np.zeros(len(places))
@@ -259,7 +237,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     if n := int((e.at_bound & days).sum()):
         ax.bar(
             places[[0, -1]], top[[0, -1]], width=0.78, facecolor="none", edgecolor=style.ACCENT, hatch="////",
-            linewidth=0, label=f"at a bound ({n:,})" if counted else "at a bound",
+            linewidth=0, label=_class_label("at a bound", e, n, counted),
         )  # fmt: skip
     line: dict[str, Any] = {"color": style.WATER, "lw": 1.2, "marker": "o", "ms": 2.5}
     if ESTIMATORS[e.estimator].rayleigh and places.size:
@@ -274,7 +252,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     ax.yaxis.grid(True)
     if not places.size:
-        style.no_ticks(ax)
+        ax.set_xticks([])
         return
     delay_ticks(ax, places[0], places[-1], results.sample_time)
     for bound, side, name in ((places[0], -0.5, "d_min"), (places[-1], 0.5, "d_max")):
@@ -286,18 +264,21 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
         )  # fmt: skip
 
 
-def delay_map(
-    ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True, bounds: bool = True
-) -> None:
-    """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
+def delay_map(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
+    """Delay of each day over the record (Fig. 17), on an x axis of day numbers.
 
-    Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
+    `counted`: with numbers of days in the legend, and the bounds (5): a wave arrives after (d + 1) T_s.
     """
     x, tried = read.day_numbers(e.dates), read.candidates(e)
-    if tried.size:
-        bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
-        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
-        ax.yaxis.grid(True)
+    ax.set_ylabel("delay d [samples]")
+    if not read.found(e).any():
+        style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
+    if not tried.size:
+        ax.set_yticks([])
+        return
+    bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
+    style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
+    ax.yaxis.grid(True)
     if e.probability is not None:
         at = (x - x[0]).astype(int)
         p = np.zeros((len(e.candidates), at[-1] + 1))
@@ -308,30 +289,22 @@ def delay_map(
         if days.any():
             label = _class_label(name, e, int(days.sum()), counted)
             style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
-    if not read.found(e).any():
-        style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
-    if tried.size and bounds:
+    if counted:
         bounds_over_days(ax, results, e, lead=1.0)
-    ax.set_ylabel("delay d [samples]")
-    if tried.size:
-        style.second_axis(ax, results.sample_time, "d T_s [minutes]")
-    else:
-        style.no_ticks(ax, "y")
+    style.second_axis(ax, results.sample_time, "d T_s [minutes]")
 
 
 def probability_cells(
-    ax: Axes, first: float, delay: ArrayLike, probability: Floats, darkest: float = DARKEST
+    ax: Axes, first: float, delay: NDArray[Any], probability: Floats, darkest: float = DARKEST
 ) -> None:
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
     `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
-    `probability`, shape (D, days), is 0 where there is none; probability 1 has the opacity `darkest`.
+    `probability`, shape (D, days), is 0 where there is none.
     """
-    d = np.asarray(delay, float)
-    image = np.zeros((*probability.shape, 4))
-    image[..., :3] = to_rgb(style.INK)
+    image = np.full((*probability.shape, 4), to_rgba(style.INK))
     image[..., 3] = darkest * probability
-    extent = (first - 0.5, first + probability.shape[1] - 0.5, d[0] - 0.5, d[-1] + 0.5)
+    extent = (first - 0.5, first + probability.shape[1] - 0.5, delay[0] - 0.5, delay[-1] + 0.5)
     limits = ax.get_xlim(), ax.get_ylim()
     ax.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
     ax.set(xlim=limits[0], ylim=limits[1])
@@ -343,25 +316,21 @@ def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
-def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
-    """Travel times (5) over the record, where they are within the panel.
+def _waves(e: EstimatorResults) -> list[tuple[str, Floats, Any]]:
+    """Name, travel time [s] and dashes of both bounds (5)."""
+    return [("gravity wave", e.bound_gravity_s, "-"), ("kinematic wave", e.bound_kinematic_s, DASHED)]
 
-    A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
-    """
+
+def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
+    """Travel times tau (5) over the record, at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50."""
     x, (low, high) = read.day_numbers(e.dates), ax.get_ylim()
-    bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
-    if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
-        bounds.append(("kinematic wave", e.bound_kinematic_s, DASHED))
-    for name, seconds, dash in bounds:
+    for name, seconds, dash in _waves(e)[: 1 if results.output_unit == "m" else 2]:  # both in a free river
         delay = seconds / results.sample_time - lead
         if np.any((delay >= low) & (delay <= high)):
             ax.plot(
                 *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
                 label=f"{name}, as a delay" if lead else name, zorder=2, scalex=False, scaley=False,
             )  # fmt: skip
-
-
-# Delays and travel times against the discharge
 
 
 def spread(n: int) -> Floats:
@@ -403,21 +372,18 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
         bounds_over_flow(ax, results, e, shown)
     else:
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
-        style.no_ticks(ax)
+        ax.set_xticks([])
     if tried.size:
         style.second_axis(ax, results.sample_time, unit)
     else:
-        style.no_ticks(ax, "y")
+        ax.set_yticks([])
 
 
 def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> None:
     """Both bounds (5) at tau / T_s over the discharge; text names one that is outside the panel."""
     low, high = ax.get_ylim()
     outside: list[str] = []
-    for name, seconds, dash in (
-        ("gravity wave", e.bound_gravity_s, "-"),
-        ("kinematic wave", e.bound_kinematic_s, DASHED),
-    ):
+    for name, seconds, dash in _waves(e):
         known = np.isfinite(e.mean_inflow) & np.isfinite(seconds)
         if not (known & shown).any():
             continue
@@ -447,9 +413,7 @@ def _medians(values: Floats) -> Floats:
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
-    shown = read.has_t50(e)
-    _t50_days(ax, results, e, shown, read.day_numbers(e.dates), grow=1.0)
-    if shown.any():
+    if _t50_days(ax, results, e, read.day_numbers(e.dates), grow=1.0).any():
         ax.yaxis.grid(True)
         bounds_over_days(ax, results, e, lead=0.0)
         style.second_axis(ax, results.sample_time, "t50 [minutes]")
@@ -457,11 +421,10 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
 
 def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
-    shown = read.has_t50(e) & np.isfinite(e.mean_inflow)
-    _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
+    shown = _t50_days(ax, results, e, e.mean_inflow, grow=0.8)
     ax.set_xlabel("mean inflow of the data set [m³/s]")
     if not shown.any():
-        style.no_ticks(ax)
+        ax.set_xticks([])
         return
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown])
@@ -474,15 +437,14 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     style.second_axis(ax, results.sample_time, "t50 [minutes]")
 
 
-def _t50_days(
-    ax: Axes, results: Results, e: EstimatorResults, shown: Bools, x: Floats, *, grow: float
-) -> None:
-    """The days as marks over x, on an axis of lags."""
+def _t50_days(ax: Axes, results: Results, e: EstimatorResults, x: Floats, *, grow: float) -> Bools:
+    """The days as marks over x, on an axis of lags; returns which these are, shape (n,)."""
+    shown = read.has_t50(e) & np.isfinite(x)
     ax.set_ylabel("t50 [samples]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a t50.")
-        style.no_ticks(ax, "y")
-        return
+        ax.set_yticks([])
+        return shown
     bounds = [tau[np.isfinite(tau)] / results.sample_time for tau in (e.bound_kinematic_s, e.bound_gravity_s)]
     low, high = t50_window(e.t50[shown], [tau for tau in bounds if tau.size])
     style.lag_ticks(ax, low, high, bins=10)
@@ -497,13 +459,11 @@ def _t50_days(
         if days.any():
             label, y = f"{name} ({int(days.sum()):,})", np.clip(e.t50[days], low, high)
             style.marks(ax, x[days], y, label, size, alpha=0.8, **EDGED, **MARKS[kind])
+    return shown
 
 
 def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
-    """Lags [samples] that a panel of t50 shows: the days, and the bounds that leave them enough space.
-
-    `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
-    """
+    """Ends of a panel of t50: the days, and the bounds, nearest first, that leave them enough space."""
     first, third = (float(q) for q in np.quantile(t50, (0.25, 0.75)))
     reach = FAR * (third - first) or np.inf
     near = t50[(t50 >= first - reach) & (t50 <= third + reach)]

@@ -10,18 +10,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class FigureFile:
-    """A figure that has been written as `path`, a PNG of `width` and `height` [pixels].
+    """A figure that has been written."""
 
-    `kind` is t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or
-    one of :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example,
-    which has an SVG of the same name as well. `estimator` is empty where it shows all of them. `facts` are
-    numbers and codes of its caption, which the template ``captions.j2`` words.
-    """
-
-    kind: str
-    estimator: str
-    path: Path
+    kind: (
+        str  # as in `draw.FIGURES` or `diagnosis.KINDS`, fir_day, season, delay_law; "9" for one of the paper
+    )
+    estimator: str  # empty where it shows all of them
+    path: Path  # of the PNG; one of the paper has an SVG of the same name as well
     title: str
-    facts: dict[str, Any]
-    width: int
+    facts: dict[str, Any]  # numbers and codes of its caption, which the template `captions.j2` words
+    width: int  # [pixels]
     height: int

@@ -13,10 +13,8 @@ from rivid.plots.files import FigureFile
 from rivid.text import duration
 
 mdates: Any = matplotlib.dates  # it has no types
-BEFORE = 1.0
-"""Time that is shown before the origin, over that after it."""
-OUTER, INNER = 0.16, 0.3
-"""Opacities of the 90 and the 50 % band."""
+BEFORE = 1.0  # time that is shown before the origin, over that after it
+OUTER, INNER = 0.16, 0.3  # opacities of the 90 and the 50 % band
 
 
 def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
@@ -72,10 +70,8 @@ def flows(ax: Axes, found: Forecast) -> None:
     """The flows of the dams, dashed where they are held, and the known inflow as half of it arrives."""
     s, (part, x) = found.series, _shown(found)
     known = np.arange(len(s.time))[part] <= s.now + found.announced
-    series = [("inflow", s.inflow, style.WATER)]
-    if s.outflow.any():
-        series.append(("outflow", s.outflow, style.ACCENT))
-    for label, values, colour in series:
+    series = [("inflow", s.inflow, style.WATER), ("outflow", s.outflow, style.ACCENT)]
+    for label, values, colour in series[: 2 if s.outflow.any() else 1]:
         ax.plot(x, np.where(known, values[part], np.nan), color=colour, lw=1.1, label=label)
         ax.plot(x, np.where(~known, values[part], np.nan), color=colour, lw=1.0, ls="--")
     arrives = x[known] + found.delay_s / 86400.0
@@ -85,9 +81,8 @@ def flows(ax: Axes, found: Forecast) -> None:
     if not known.all():
         ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="held")
     if found.repeated is not None:
-        unknown = slice(-int((~known).sum()), None)
-        ax.plot(
-            x[unknown], found.repeated[unknown], color=style.WATER, lw=1.0, ls=":", label="of the day before"
-        )
+        later = slice(-int((~known).sum()), None)
+        label = "of the day before"
+        ax.plot(x[later], found.repeated[later], color=style.WATER, lw=1.0, ls=":", label=label)
     ax.set_xlim(x[0], x[-1])
     ax.set_ylabel("flow [m³/s]")

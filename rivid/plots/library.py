@@ -12,10 +12,8 @@ from rivid.plots.style import Picture
 from rivid.text import response_unit
 from rivid.types import Floats
 
-Panel = tuple[float, Callable[[Axes], Any]]
-"""Height [inch], and the function that draws the panel."""
-Curve = tuple[Floats, str, str]
-"""Values, colour and label."""
+Panel = tuple[float, Callable[[Axes], Any]]  # height [inch], and the function that draws the panel
+Curve = tuple[Floats, str, str]  # values, colour and label
 
 
 def picture(title: str, note: str, panels: Sequence[Panel], between: float = 0.34) -> Picture:
@@ -48,9 +46,8 @@ def daily(
 ) -> None:  # fmt: skip
     """Draw daily values against the date; `dated`: with tick labels."""
     at = [date.toordinal() for date in dates]
-    look: dict[str, Any] = {"marker": "o", "ms": 1.8} if marks else {}
     for values, colour, name in curves:
-        axes.plot(at, values, color=colour, lw=1.0, label=name, **look)
+        axes.plot(at, values, color=colour, lw=1.0, label=name, marker="o" if marks else "", ms=1.8)
     if not any(name for _, _, name in curves):
         axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(label)

@@ -24,21 +24,17 @@ from rivid.results.read import Results, day_numbers, rayleigh
 from rivid.text import count, delays, listed, number, response_unit, share
 from rivid.types import Floats
 
-OFTEN = 500.0
-"""The paper counts the days below this discharge [m3/s]."""
+OFTEN = 500.0  # the paper counts the days below this discharge [m3/s]
 DELAY, ALPHA_I, ALPHA_O, K_Q, K_H = 7, 1e-4, 1.2e-4, 1.0, -1000.0
 """Of the paper's Fig. 10: d [samples], K_i T_s / A and K_o T_s / A [m per m3/s], K_Q [-], K_h [m2/s]."""
-SHOWN = 50
-"""Lags of Fig. 10."""
-CURVES: dict[str, tuple[str, dict[str, Any]]] = {
+SHOWN = 50  # lags of Fig. 10
+CURVES: dict[str, tuple[str, dict[str, Any]]] = {  # curves of Fig. 12: the paper's name and the look
     "ml": ("ML", {"color": style.LIGHT, "lw": 0.9, "marker": "o", "ms": 2.6}),
     "map": ("MAP", {"color": style.WATER, "lw": 1.4}),
     "jmap": ("JMAP", {"color": style.INK, "lw": 1.8, "marker": "o", "ms": 3.2, "zorder": 2.2}),
     "jmap-degenerate": ("JMAPdeg", {"color": style.GREY, "lw": 1.4, "ls": estimates.DASHED}),
 }
-"""Curves of Fig. 12: the paper's name and the look."""
-Sheet = Callable[..., tuple[Figure, list[Axes]]]
-"""Makes the sheet of a figure: takes the note, heights and number of columns, and margins."""
+Sheet = Callable[..., tuple[Figure, list[Axes]]]  # of a note, heights, the number of columns, and margins
 
 
 def draw_paper(
@@ -53,9 +49,8 @@ def draw_paper(
     """Draw the paper's figures as ``fig02.png``, ``fig02.svg`` and so on; the same logs give the same bytes.
 
     `cascade` are the reaches of Fig. 19, at least one; `day` is that of Figs 7 and 12, a typical one by
-    default. `progress` is called with the number of each of :data:`FIGURES` before it is drawn. Returns the
-    files in the paper's order, the kind of each being its number. ConfigError if `day` has no impulse
-    response, RividError if a file cannot be written.
+    default: ConfigError if it has no impulse response. `progress` is called with the number of each of
+    :data:`FIGURES` before it is drawn.
     """
     i = choose(estimated, day)
     dam = "downstream" if year.outflow else "upstream"
@@ -73,20 +68,19 @@ def draw_paper(
 def choose(estimated: Results, day: dt.date | None = None) -> int:
     """The number of the given day, or of a typical one; ConfigError if it has no impulse response."""
     e = estimated.of("jmap")
-    chosen = typical_day(estimated) if day is None else day
-    if chosen is None:
-        return 0
-    if chosen not in e.dates or (day is not None and not e.answered[e.dates.index(chosen)]):
-        raise ConfigError(f"no impulse response on {chosen}: choose a day with status ok in delays.csv")
-    return e.dates.index(chosen)
+    if day is None:
+        return e.dates.index(typical_day(estimated) or e.dates[0])
+    if day not in e.dates or not e.answered[e.dates.index(day)]:
+        raise ConfigError(f"no impulse response on {day}: choose a day with status ok in delays.csv")
+    return e.dates.index(day)
 
 
 def figure_of(num: str, year: Year, estimated: Results, i: int, cascade: Sequence[CascadeReach]) -> Figure:
     """One of :data:`FIGURES`; `i` is the number of the day of Figs 7, 11 and 12."""
     title, draw = FIGURES[num]
 
-    def sheet(note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **look: Any) -> Any:
-        margins = {"left": 0.8, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
+    def sheet(note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **margins: Any) -> Any:
+        margins = {"left": 0.8, "bottom": 0.62} | margins
         return style.sheet(f"Fig. {num} · {title}", note, heights, [1.0] * columns, **margins)
 
     return draw(sheet, year, estimated, i, cascade)
@@ -94,9 +88,6 @@ def figure_of(num: str, year: Year, estimated: Results, i: int, cascade: Sequenc
 
 def _who(year: Year) -> str:
     return f"{year.config.reach.name} · {count(len(year.dates), 'day')}"
-
-
-# Figs 1 and 8: the reach, and who acts on it
 
 
 def _drawing(sheet: Sheet, note: str, height: float) -> tuple[Figure, Axes]:
@@ -147,9 +138,8 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
     def block(x: float, y: float, words: str, name: str) -> None:
         box = {"boxstyle": "round,pad=0.55", "facecolor": "white", "edgecolor": style.INK}
         ax.text(x, y, words, ha="center", va="center", bbox=box, parse_math=True, fontsize=11)
-        beside = name == "feedback"
-        at = (x - 4.5, y) if beside else (x, y + 5.2)
-        ax.text(*at, name, ha="right" if beside else "center", va="center", color=style.GREY)
+        at, side = ((x - 4.5, y), "right") if name == "feedback" else ((x, y + 5.2), "center")
+        ax.text(*at, name, ha=side, va="center", color=style.GREY)
 
     block(38, 23, r"$\alpha_i\,\frac{q^{-d-1}}{1-q^{-1}}$", "inflow to level")
     block(62, 13, r"$\alpha_o\,\frac{q^{-1}}{1-q^{-1}}$", "outflow to level")
@@ -172,9 +162,6 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
     return figure
 
 
-# Figs 2-6: the reach and its hydraulics
-
-
 def daily_range(days: Sequence[Floats]) -> float:
     """Mean over the days of the peak-to-peak variation."""
     return float(np.mean([np.ptp(day) for day in days]))
@@ -184,9 +171,8 @@ def _by_day(sheet: Sheet, year: Year, facts: str, values: Floats, label: str, lo
     """One line over the days of the record, broken where days are missing; from `low` on, where given."""
     figure, (ax,) = sheet(f"{_who(year)} · {facts}", [2.4], left=0.85, right=0.3, top=0.62)
     style.date_axis(ax, year.dates[0], year.dates[-1])
-    alone = "o" if len(values) < 3 else ""
-    x, y = estimates.with_gaps(day_numbers(year.dates), values)
-    ax.plot(x, y, color=style.INK, lw=1.1, marker=alone, ms=3)
+    line = estimates.with_gaps(day_numbers(year.dates), values)
+    ax.plot(*line, color=style.INK, lw=1.1, marker="o" if len(values) < 3 else "", ms=3)
     if low is not None:
         ax.set_ylim(low, 1.08 * float(values.max()))
     ax.set_ylabel(label)
@@ -195,12 +181,9 @@ def _by_day(sheet: Sheet, year: Year, facts: str, values: Floats, label: str, lo
 
 
 def discharge(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    Q = year.discharge
-    facts = (
-        f"{Q.min():.0f} to {Q.max():.0f} m³/s, below {OFTEN:.0f} m³/s on "
-        f"{share(int((Q < OFTEN).sum()), len(Q))} of days; over a day it moves by "
-        f"{daily_range(year.outflow or year.inflow):.0f} m³/s"
-    )
+    Q, often = year.discharge, share(int((year.discharge < OFTEN).sum()), len(year.dates))
+    facts = f"{Q.min():.0f} to {Q.max():.0f} m³/s, below {OFTEN:.0f} m³/s on {often} of days"
+    facts += f"; over a day it moves by {daily_range(year.outflow or year.inflow):.0f} m³/s"
     return _by_day(sheet, year, facts, Q, "discharge [m³/s]", 0)
 
 
@@ -250,23 +233,15 @@ def bounds_by_day(sheet: Sheet, year: Year, *_: Any) -> Figure:
 
 def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> None:
     """Both bounds (5) of the travel time [s] over the discharge or the days, in samples and minutes."""
-    alone = "_" if len(x) < 3 else ""
-    for name, seconds, width, alpha in (
-        ("upper bound: kinematic wave", kinematic, 1.0, 0.6),
-        ("lower bound: gravity wave", gravity, 2.2, 1.0),
-    ):
-        look = {"color": style.WATER, "lw": width, "alpha": alpha, "marker": alone}
-        ax.plot(x, seconds / sample_time, label=name, **look)  # type: ignore[arg-type]
-    ax.set_ylim(
-        0, 1.06 * float(np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))) / sample_time
-    )
+    look: dict[str, Any] = {"color": style.WATER, "marker": "_" if len(x) < 3 else ""}
+    ax.plot(x, kinematic / sample_time, label="upper bound: kinematic wave", lw=1.0, alpha=0.6, **look)
+    ax.plot(x, gravity / sample_time, label="lower bound: gravity wave", lw=2.2, **look)
+    longest = np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))
+    ax.set_ylim(0, 1.06 * float(longest) / sample_time)
     ax.grid(True, axis="y")
     style.key(ax)
     ax.set_ylabel("travel time [samples]")
     style.second_axis(ax, sample_time, "[minutes]")
-
-
-# Figs 7, 10, the priors, and 12: one day
 
 
 def logs(sheet: Sheet, year: Year, _: Results, i: int, *__: Any) -> Figure:
@@ -322,9 +297,8 @@ def priors(sheet: Sheet, year: Year, estimated: Results, i: int, *__: Any) -> Fi
 
     The second needs a day: its beta_h comes from that day's ML response.
     """
-    s = year.config.jmap_settings()
-    ml, jmap = estimated.of("ml"), estimated.of("jmap")
-    M, h = s.order, ml.fir[i]
+    s, jmap = year.config.jmap_settings(), estimated.of("jmap")
+    M, h = s.order, estimated.of("ml").fir[i]
     nu = float(np.sum(np.convolve(h, (1.0, -2.0, 1.0))[:M] ** 2))  # ||D h_ML||^2
     alpha_h, beta_h = M / 2, nu / 2
     figure, (left, right) = sheet(
@@ -348,7 +322,7 @@ def priors(sheet: Sheet, year: Year, estimated: Results, i: int, *__: Any) -> Fi
         at = factor * float(jmap.roughness_sd[i])
         right.axvline(at, color=style.ACCENT, lw=1.6, label="estimated by Table VI")
         right.set_xlim(0, factor * sd[-1])
-    style.no_ticks(right, "y")
+    right.set_yticks([])
     right.xaxis.set_major_locator(MaxNLocator(nbins=6))
     right.set_ylabel("density")
     right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(estimated.output_unit)}]")
@@ -395,9 +369,6 @@ def responses(sheet: Sheet, _: Year, estimated: Results, i: int, *__: Any) -> Fi
     return figure
 
 
-# Figs 9 and 13-18: the year
-
-
 def _panels(year: Year) -> list[tuple[str, str]]:
     """Estimator and name of the panels of Figs 17 and 18."""
     return [
@@ -409,27 +380,20 @@ def _panels(year: Year) -> list[tuple[str, str]]:
 
 def searches(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     s = year.config.jmap_settings()
-    figure, panels = sheet(
-        f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
-        right=0.3, bottom=0.85,
-    )  # fmt: skip
+    note = f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s"
+    figure, panels = sheet(note, columns=2, gap=(0.75, 0.0), right=0.3, bottom=0.85)
     shown = [("direct", "direct approach (8)")] if year.outflow else []
-    shown.append(("indirect", "indirect approach (10)"))
-    _histograms(panels, estimated, shown)
-    if len(shown) == 1:
+    _histograms(panels, estimated, [*shown, ("indirect", "indirect approach (10)")])
+    if not shown:
         style.message(panels[1], "No outflow is logged: no direct approach.")
         panels[1].set_axis_off()
-    style.figure_key(panels)
     return figure
 
 
 def jmap_histograms(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-    figure, panels = sheet(
-        f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
-        bottom=0.85, top=0.92,
-    )  # fmt: skip
+    note = f"{_who(year)} · T_s = {year.sample_time:g} s"
+    figure, panels = sheet(note, [2.9], 3, gap=(0.55, 0.0), right=0.25, bottom=0.85, top=0.92)
     _histograms(panels, estimated, _panels(year))
-    style.figure_key(panels)
     return figure
 
 
@@ -441,6 +405,7 @@ def _histograms(panels: Sequence[Axes], estimated: Results, shown: Sequence[tupl
     top = max(ax.get_ylim()[1] for ax in panels[: len(shown)])
     for ax in panels[: len(shown)]:
         ax.set_ylim(0, top)
+    style.figure_key(panels)
 
 
 def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
@@ -448,23 +413,22 @@ def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     figure, panels = sheet(note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
     for letter, ax, (name, words) in zip("abc", panels, _panels(year), strict=True):
         style.date_axis(ax, year.dates[0], year.dates[-1], labels=letter == "c")
-        estimates.delay_map(ax, estimated, estimated.of(name), counted=False, bounds=False)
+        estimates.delay_map(ax, estimated, estimated.of(name), counted=False)
         style.name_panel(ax, letter, words)
     style.figure_key(panels)
     return figure
 
 
-IN_GREY = ("ml", "map", "jmap-uniform", "jmap")
-"""Estimators of Figs 13 to 16, which have one scale of greys."""
+IN_GREY = ("ml", "map", "jmap-uniform", "jmap")  # estimators of Figs 13 to 16, which have one scale of greys
 
 
 def _tdr(name: str) -> Callable[..., Figure]:
     """Figs 13-16: the impulse responses of the year by one estimator, the time-day representation."""
 
     def representation(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-        e, config = estimated.of(name), year.config
+        e = estimated.of(name)
         note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
-        note += f" · alpha = {config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
+        note += f" · alpha = {year.config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
         note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
         fir = e.fir[e.answered]
         if len(fir):
@@ -472,17 +436,14 @@ def _tdr(name: str) -> Callable[..., Figure]:
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
-        look: dict[str, Any] = {"lag": e.delay, "sample_time": estimated.sample_time, "greys": greys}
-        estimates.tdr(ax, day_numbers(e.dates), e.fir, **look)
-        if e.answered.any():
-            estimates.grey_scale(ax, greys, response_unit(estimated.output_unit))
+        estimates.tdr(
+            ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time, greys=greys,
+            unit=response_unit(estimated.output_unit),
+        )  # fmt: skip
         style.key(ax)
         return figure
 
     return representation
-
-
-# Fig. 19: the cascade
 
 
 def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Figure:
@@ -529,10 +490,9 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> None:
         ax.scatter(places, at, s=140 * days / days.sum(), color=style.ACCENT, lw=0, zorder=3)
     if first:
         ax.fill_between([], [], color=style.LIGHT, label="operators' interval (nominal ± 3 T_s)")
-        held = {"marker": "|", "color": style.INK, "markersize": 9, "markeredgewidth": 2}
-        style.entry(ax, "estimated: nine days of ten", **held)
-        look = {"marker": "o", "color": style.ACCENT, "markersize": 6, "markeredgewidth": 0}
-        style.entry(ax, "share of days", **look)
+        nine = "estimated: nine days of ten"
+        style.entry(ax, nine, marker="|", color=style.INK, markersize=9, markeredgewidth=2)
+        style.entry(ax, "share of days", marker="o", color=style.ACCENT, markersize=6, markeredgewidth=0)
     if len(r.truth):
         low, high = float(r.truth.min()) - 0.3, float(r.truth.max()) + 0.3
         ax.fill_betweenx([low, high], x - 0.35 * shift, x + 0.35 * shift, color=style.WATER, label="true")

@@ -19,24 +19,17 @@ from rivid.logs.days import find_days, read_window
 from rivid.results.read import EstimatorResults, Results
 from rivid.types import Floats, Ints
 
-# Logs
-
 
 @dataclass(frozen=True, eq=False)
 class Year:
-    """Data sets of a pool, in date order.
-
-    `inflow` and `outflow` are u_Qi and u_Qo [m3/s], `level` is h_L [m]: an array of shape (N,) per date; N
-    differs where a clock is changed. `outflow` is empty where it is not logged. `left_out` days have a log
-    that cannot be used.
-    """
+    """Data sets of a pool, in date order: an array (N,) per date; N differs where a clock is changed."""
 
     config: Config
     dates: tuple[dt.date, ...]
-    inflow: tuple[Floats, ...]
-    outflow: tuple[Floats, ...]
-    level: tuple[Floats, ...]
-    left_out: int = 0
+    inflow: tuple[Floats, ...]  # u_Qi [m3/s]
+    outflow: tuple[Floats, ...]  # u_Qo [m3/s]; empty where it is not logged
+    level: tuple[Floats, ...]  # h_L [m]
+    left_out: int = 0  # days with a log that cannot be used
 
     @property
     def sample_time(self) -> float:
@@ -98,13 +91,10 @@ def read_year(data_dir: Path, config: Config) -> Year:
         raise NoDataError(f"no day of {data_dir} can be used: see `rivid check {data_dir}`")
     logged = [data.outflow for data in found if data.outflow is not None]
     return Year(
-        config=config,
-        dates=tuple(data.date for data in found),
-        inflow=tuple(data.inflow for data in found),
+        config=config, dates=tuple(data.date for data in found), inflow=tuple(data.inflow for data in found),
         outflow=tuple(logged) if len(logged) == len(found) else (),
-        level=tuple(data.output for data in found),
-        left_out=len(sources) - len(found),
-    )
+        level=tuple(data.output for data in found), left_out=len(sources) - len(found),
+    )  # fmt: skip
 
 
 def read_run(out: Path, logs: Path | None = None) -> Year:
@@ -129,12 +119,9 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
     return read_year(logs or place, config)
 
 
-# Estimates
-
-PAPER = (
+PAPER = (  # the paper's estimators: (17), (22), Tables IV, V and VI
     "ml", "map", "jmap-uniform", "jmap-uniform-estimated", "jmap", "jmap-degenerate", "direct", "indirect",
 )  # fmt: skip
-"""The paper's estimators: (17), (22), Tables IV, V and VI."""
 
 
 def estimate(year: Year) -> Results:
@@ -171,13 +158,9 @@ def _estimates(year: Year, name: str) -> EstimatorResults:
     )  # fmt: skip
 
 
-# Cascade
+EMPIRICAL = 3  # the operators' uncertainty [samples] either side of their nominal value (section VI)
 
-EMPIRICAL = 3
-"""The operators' uncertainty: three sampling periods either side of their nominal value (section VI)."""
-
-HELD = 0.9
-"""Share of the days that a fluctuation interval holds."""
+HELD = 0.9  # share of the days that a fluctuation interval holds
 
 
 @dataclass(frozen=True, eq=False)

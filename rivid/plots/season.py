@@ -15,10 +15,8 @@ from rivid.results.season import NAME, Joined, SeasonDays
 from rivid.text import count, day_range, duration
 from rivid.types import Floats
 
-DARKEST = 0.36
-"""Opacity of a cell of probability 1: the band lies over it."""
-BAND = 0.16
-"""Opacity of the band."""
+DARKEST = 0.36  # opacity of a cell of probability 1: the band lies over it
+BAND = 0.16  # opacity of the band
 WAYS = {"forward": "each day knows those before it", "both": "each day knows all days"}
 
 
@@ -26,12 +24,9 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
     """Draw season.png and delay_law.png of at least one day; without a law the days are drawn alone."""
     first, last = days.dates[0], days.dates[-1]
     with style.styled():
-        figure, (ax,) = style.sheet(
-            f"Delay over the season: {NAME}",
-            f"{days.reach} · {WAYS[joined.direction]} · {count(len(days.dates), 'day')}, "
-            f"{day_range(first, last)}",
-            [2.42],
-        )
+        span = f"{count(len(days.dates), 'day')}, {day_range(first, last)}"
+        note = f"{days.reach} · {WAYS[joined.direction]} · {span}"
+        figure, (ax,) = style.sheet(f"Delay over the season: {NAME}", note, [2.42])
         style.date_axis(ax, first, last)
         season(ax, days, joined)
         style.key(ax)
@@ -71,15 +66,13 @@ def season(ax: Axes, days: SeasonDays, joined: Joined) -> None:
         ax.plot(edge, v, color=style.WATER, lw=0.5, alpha=0.6, zorder=2.6)
     other = np.isfinite(days.delay) & np.isfinite(joined.delay) & (days.delay != joined.delay)
     size = float(np.clip(70 / np.sqrt(len(x)), 3.0, 5.5))
-    hollow = {"color": style.WATER, "markerfacecolor": "white"}
     for name, at, look in (
         ("another delay than alone", other, {"color": style.ACCENT}),
-        ("no information of its own", ~joined.observed, hollow),
+        ("no information of its own", ~joined.observed, {"color": style.WATER, "markerfacecolor": "white"}),
     ):
         if at.any():
-            style.marks(
-                ax, x[at], middle[at], f"{name} ({int(at.sum()):,})", size, marker="o", zorder=3.5, **look
-            )
+            label = f"{name} ({int(at.sum()):,})"
+            style.marks(ax, x[at], middle[at], label, size, marker="o", zorder=3.5, **look)
     ax.set_ylabel("t50 [samples]" if days.river else "delay d [samples]")
     style.second_axis(ax, days.sample_time, "t50 [minutes]" if days.river else "d T_s [minutes]")
 
@@ -95,8 +88,7 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     ax.set_xlabel("mean inflow [m³/s]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(days.dates), 'day')} has a travel time and a discharge.")
-        style.no_ticks(ax)
-        style.no_ticks(ax, "y")
+        ax.set(xticks=[], yticks=[])
         return
     Q, T = days.discharge[shown], days.travel[shown] / days.sample_time
     low, high = (
@@ -127,12 +119,11 @@ def _law(ax: Axes, law: DelayLaw, Q: Floats, T_s: float) -> None:
     """The law over the observed discharges, its interval, and that of a single day."""
     q, t = np.geomspace(Q.min(), Q.max(), 200), law.table
     middle, low, high = (v / T_s for v in law.delay(q))
-    fixed: dict[str, Any] = {"zorder": 3, "scalex": False, "scaley": False}
+    look: dict[str, Any] = {"color": style.ACCENT, "zorder": 3, "scalex": False, "scaley": False}
     held = f"{law.level:.0%}".replace("%", " %")
-    ax.plot(q, middle, color="white", lw=3.0, **fixed)  # the white edge sets the line off from any marks
-    ax.plot(q, middle, color=style.ACCENT, lw=1.7, label="law", **fixed)
+    ax.plot(q, middle, lw=3.0, **look | {"color": "white"})  # the edge sets the line off from any marks
+    ax.plot(q, middle, lw=1.7, label="law", **look)
     ax.fill_between(q, low, high, color=style.ACCENT, alpha=0.3, lw=0, zorder=2.7, label=f"its {held}")
-    dashes: dict[str, Any] = {"color": style.ACCENT, "lw": 0.9, "ls": DASHED}
     for end, name in ((t.day_low, f"a single day, {held}"), (t.day_high, None)):
         share = np.interp(np.log(q), np.log(t.discharge), end / t.delay)
-        ax.plot(q, share * middle, label=name, **fixed, **dashes)
+        ax.plot(q, share * middle, lw=0.9, ls=DASHED, label=name, **look)

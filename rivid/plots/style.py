@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from rivid.atomic import replacing
@@ -41,42 +41,27 @@ NO_DATA = "#F4E8D4"
 STATUS_COLOURS = {"failed": ACCENT, "unidentifiable": INK, "pending": LIGHT}
 
 DPI = 150
-WIDTH = 9.2
-"""Width of every figure [inch]."""
-VECTOR_DPI = 300
-"""Resolution of images inside a vector file, such as the time-day representation."""
-NOTE = 130
-"""Characters of the line of facts that fit in the width of a figure."""
+WIDTH = 9.2  # width of every figure [inch]
+VECTOR_DPI = 300  # resolution of images inside a vector file, such as the time-day representation
+NOTE = 130  # characters of the line of facts that fit in the width of a figure
 
 STYLE = {
+    **dict.fromkeys(("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize"), 8.5),
+    **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.labelcolor", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), GREY),
+    **dict.fromkeys(("axes.facecolor", "figure.facecolor"), "white"),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
+    **dict.fromkeys(("legend.borderpad", "legend.borderaxespad"), 0.0),
     "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "text.color": INK,
     "text.parse_math": False,  # the names of reaches are no formulas; see Picture
     "mathtext.default": "regular",
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
-    "axes.labelsize": 8.5,
-    "axes.facecolor": "white",
     "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "grid.color": FAINT,
     "grid.linewidth": 0.6,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
     "legend.fontsize": 8,
-    "legend.frameon": False,
-    "legend.borderpad": 0.0,
-    "legend.borderaxespad": 0.0,
     "legend.handletextpad": 0.5,
     "legend.columnspacing": 1.4,
-    "figure.facecolor": "white",
     "hatch.linewidth": 0.8,
 }
 
@@ -89,16 +74,12 @@ def styled() -> Iterator[None]:
         yield
 
 
-# Sheets and panels
-
-
-SYMBOLS = {
+SYMBOLS = {  # symbols of the paper as texts have them, and as they are set
     "T_s": "T_s", "u_Qi": "u_{Qi}", "u_Qo": "u_{Qo}", "h_L": "h_L", "h_ML": "h_{ML}", "alpha_h": r"\alpha_h",
     "beta_h": r"\beta_h", "alpha_i": r"\alpha_i", "alpha_o": r"\alpha_o",
     "sigma_hD": r"\sigma_{hD}", "sigma_d": r"\sigma_d", "K_i": "K_i", "K_o": "K_o",
     "K_Q": "K_Q", "K_h": "K_h", "U'U": "U^T U",
 }  # fmt: skip
-"""Symbols of the paper as texts have them, and as they are set."""
 SYMBOL = re.compile(
     r"(?<![\w$])(" + "|".join(map(re.escape, sorted(SYMBOLS, key=len)[::-1])) + r")(²?)(?!\w)"
 )
@@ -148,11 +129,10 @@ def sheet(
     bottom: float = 0.66,
     heading: float | None = None,
 ) -> tuple[Picture, list[Axes]]:
-    """A figure with a title, a line of facts under it (cut at :data:`NOTE` characters), and a grid of panels.
+    """A figure with a title, a line of facts under it, and a grid of panels, which are returned row by row.
 
     `heights` of the rows, from the top, `gap` between columns and between rows, the margins, and `heading`,
-    the left end of title and note (`left` by default), are in inches; `widths` are parts of the width that is
-    left. The panels are returned row by row.
+    the left end of title and note (`left` by default), are in inches; `widths` are shares of what is left.
     """
     height = top + sum(heights) + gap[1] * (len(heights) - 1) + bottom
     figure = Picture(figsize=(WIDTH, height), dpi=DPI)
@@ -209,9 +189,6 @@ def message(ax: Axes, text: str) -> None:
     )
 
 
-# Marks and legends
-
-
 def marks(ax: Axes, x: Floats, y: Floats, label: str, size: float, **look: Any) -> None:
     """Plot marks of `size` points; in the legend they have the legend's own size."""
     given: dict[str, Any] = {"ls": "none", "markersize": size} | look
@@ -254,9 +231,6 @@ def figure_key(panels: Sequence[Axes], *, down: float = 0.37, left: float | None
     )  # fmt: skip
 
 
-# Axes of lags and of durations
-
-
 def few_ticks(ax: Axes, which: str = "y", bins: int = 5) -> None:
     """Up to `bins` intervals of 1, 2 or 5 between the ticks of an axis, without an offset."""
     getattr(ax, f"{which}axis").set_major_locator(MaxNLocator(nbins=bins, steps=[1, 2, 5, 10]))
@@ -269,15 +243,8 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
     ax.yaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
 
 
-def no_ticks(ax: Axes, which: str = "x") -> None:
-    getattr(ax, f"{which}axis").set_major_locator(NullLocator())
-
-
-def second_axis(ax: Axes, sample_time: float, label: str = "minutes") -> Axes:
-    """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
-
-    `label` is what the axis shows, with ``minutes`` for the unit.
-    """
+def second_axis(ax: Axes, sample_time: float, label: str) -> Axes:
+    """A right-hand axis of times for one in samples; from two hours on, `label` has hours for "minutes"."""
     low, high = ax.get_ylim()
     unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
@@ -303,12 +270,6 @@ def minutes_above(ax: Axes, sample_time: float) -> None:
     ax.annotate(unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY)
 
 
-def hour_axis(ax: Axes, every: int = 6) -> None:
-    """Hours of the day as the x axis."""
-    ax.set_xlim(0, 24)
-    ax.xaxis.set_major_locator(FixedLocator(list(range(0, 25, every))))
-
-
 def power_of_ten(values: Floats) -> tuple[float, str]:
     """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4"."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
@@ -318,82 +279,61 @@ def power_of_ten(values: Floats) -> tuple[float, str]:
     return 10.0**-power, f"{ten_to(power)} "
 
 
-# Axes of dates. A day is the unit interval around its ordinal number, so a missing day keeps its width.
-
+# not strftime: the locale must not change the figures
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-"""Not strftime: the locale must not change the figures."""
-LETTER = 0.087
-"""Width that a letter of a date label needs, with its share of the gap to the next label [inch]."""
-STRIP, STRIP_GAP = 0.11, 0.05
-"""Height of the strip of days without an answer, and its distance from the panel [inch]."""
+LETTER = 0.087  # width that a letter of a date label needs, with its share of the gap to the next [inch]
+STRIP, STRIP_GAP = 0.11, 0.05  # height of the strip of days without an answer, and its gap [inch]
 
 
-Ticks = tuple[list[float], list[float], list[str]]
-"""Places of the lines, places of the labels (day numbers) and labels of an axis of dates."""
+def date_ticks(
+    first: dt.date, last: dt.date, width: float = 100.0
+) -> tuple[list[float], list[float], list[str]]:
+    """Places of lines, and places and texts of the labels that fit in `width` [inch], for `first` to `last`.
 
-
-def date_ticks(first: dt.date, last: dt.date) -> Ticks:
-    """Ticks for the days from `first` to `last`, about ten to twenty of them.
-
-    Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
-    under the first of its labels.
+    A day is the unit interval around its ordinal number, so a missing day keeps its width. Up to 80 days the
+    labels are under their days; beyond, months or years lie between lines. The year is under the first of its
+    labels.
     """
     span = (last - first).days + 1
-    if span <= 80:
-        step = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
-        days = [first + dt.timedelta(days=k) for k in range(0, span, step)]
-        at = [float(day.toordinal()) for day in days]
-        return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
     step = 1 if span <= 900 else 12
-    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
-    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
-    starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
-    if span > 5500:
-        every = -(-span // 5500)
-        starts = [day for day in starts if day.year % every == 0 and first <= day <= last]
-        at = [day.toordinal() - 0.5 for day in starts]
-        return at, at, [str(day.year) for day in starts]
-    low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
-    lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
-    shown, places = [], []
-    for day, after in zip(starts, starts[1:], strict=False):
-        a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
-        if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
-            shown.append(day)
-            places.append((a + b) / 2)
-    if step == 12:
-        return lines, places, [str(day.year) for day in shown]
-    return lines, places, _with_year(shown, [MONTHS[day.month - 1] for day in shown])
-
-
-def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
-    seen: set[int] = set()
-    named = []
-    for day, label in zip(days, labels, strict=True):
-        named.append(label if day.year in seen else f"{label}\n{day.year}")
-        seen.add(day.year)
-    return named
-
-
-def thinned(ticks: Ticks, most: int) -> Ticks:
-    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays."""
-    lines, places, names = ticks
-    every = -(-len(names) // most)
-    labels, year = [], ""
-    for i, label in enumerate(names):
-        name, _, own = label.partition("\n")
-        year = own or year
-        if i % every == 0:
-            labels.append(f"{name}\n{year}" if year else name)
-            year = ""
-    return lines[::every] if len(lines) == len(places) else lines, places[::every], labels
+    if span <= 80:
+        every = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
+        days = [first + dt.timedelta(days=k) for k in range(0, span, every)]
+        lines = places = [float(day.toordinal()) for day in days]
+        names = [f"{day.day} {MONTHS[day.month - 1]}" for day in days]
+    else:
+        begin = first.year * 12 + (first.month - 1 if step == 1 else 0)
+        months = range(begin, (last.year + 1) * 12 + 13, step)
+        starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
+        starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
+        if span > 5500:
+            every = -(-span // 5500)
+            days = [day for day in starts if day.year % every == 0 and first <= day <= last]
+            lines = places = [day.toordinal() - 0.5 for day in days]
+        else:
+            low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
+            lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
+            days, places = [], []
+            for day, after in zip(starts, starts[1:], strict=False):
+                a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
+                if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
+                    days.append(day)
+                    places.append((a + b) / 2)
+        names = [MONTHS[day.month - 1] if step == 1 else str(day.year) for day in days]
+    longest = max([4, *map(len, names)])  # letters; a year has four
+    every = -(-len(names) // max(int(width / (LETTER * longest)), 1))
+    if len(lines) == len(places):
+        lines = lines[::every]
+    labels, year = [], 0
+    for day, name in list(zip(days, names, strict=True))[::every]:
+        labels.append(name if step == 12 or day.year == year else f"{name}\n{day.year}")
+        year = day.year
+    return lines, places[::every], labels
 
 
 def date_axis(ax: Axes, first: dt.date, last: dt.date, *, labels: bool = True) -> None:
     """Days from `first` to `last` as the x axis, with as many labels as the panel's width allows."""
-    ticks = date_ticks(first, last)
-    longest = max((len(line) for label in ticks[2] for line in label.split("\n")), default=1)
-    lines, places, names = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
+    lines, places, names = date_ticks(first, last, inches(ax)[0])
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
     ax.xaxis.remove_overlapping_locs = False  # up to 80 days a label is at its line
     ax.set_xticks(lines, [""] * len(lines))
@@ -414,10 +354,9 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     lift = (STRIP + STRIP_GAP) * inch
     ax.set_position((box.x0, box.y0 + lift, box.width, box.height - lift))
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
-    no_ticks(ax)
+    ax.set_xticks([])
     strip = figure.add_axes((box.x0, box.y0, box.width, STRIP * inch))
-    strip.set_ylim(0, 1)
-    no_ticks(strip, "y")
+    strip.set(ylim=(0, 1), yticks=[])
     strip.spines["left"].set_visible(False)
     date_axis(strip, first, last)
     days = (last - first).days + 1
@@ -437,16 +376,12 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     )
 
 
-# Files
-
-
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
     The palette halves the size of the file. The method of maximum coverage changes no colour of these
-    figures by more than 8 of 255; a median cut changes rare ones by up to 60. The palette is sought among
-    the distinct colours, about a thousand, of stretches of equal pixels: in a quarter of the time that all
-    pixels take. RividError where the file cannot be written.
+    figures by more than 8 of 255; a median cut changes rare ones by up to 60. It is sought among the distinct
+    colours of stretches of equal pixels: in a quarter of the time that all pixels take.
     """
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
@@ -465,7 +400,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def save_vector(figure: Figure, path: Path) -> None:
-    """Write an SVG atomically; the same figure gives the same bytes. RividError as :func:`save`."""
+    """Write an SVG atomically; the same figure gives the same bytes."""
     # the ids inside an SVG are hashes with a salt, which is random by default
     salt: dict[Any, Any] = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
     with matplotlib.rc_context(salt), replacing(path) as scratch:

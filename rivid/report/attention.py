@@ -13,21 +13,15 @@ from rivid.results.read import EstimatorResults, Results, candidates, estimates_
 from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats
 
-SHOWN = 25
-"""Rows that are open on the page; the others unfold. More fill more than one screen."""
+SHOWN = 25  # rows that are open on the page; the others unfold. More fill more than one screen
 
-CROWD = 0.25
-"""Days at a bound have one row where they are more than this share of the days and more than SHOWN."""
+CROWD = 0.25  # days at a bound have one row where they are a larger share of the days, and more than SHOWN
 
-BAND_DAYS = 30
-"""Fewest days of a band: with fewer, its ends are the two most extreme days."""
-
-TAIL = 0.05
-"""Share of the days beyond each end of the band."""
+BAND_DAYS = 30  # fewest days of a band: with fewer, its ends are the two most extreme days
+TAIL = 0.05  # share of the days beyond each end of the band
 
 
-Row = dict[str, Any]
-"""Consecutive days with the same reason to look at them, as of :func:`_row`."""
+Row = dict[str, Any]  # consecutive days with the same reason to look at them
 
 
 def _row(
@@ -35,10 +29,9 @@ def _row(
 ) -> Row:
     """A row: `kind` is failed, unidentifiable, pending, degenerate, at_bound or far.
 
-    `estimators` report it; `message` is the reason that the run gives. `value` is the delay, travel time or
-    t50 of the day [samples], NaN where it has none or where days differ; `decided` is whether the data decide
-    it. `band` is that of the record for `far` and the bounds for many days at the bounds in one row
-    [samples]; `of` are the days of the record where `days` are counted as a share of it, otherwise 0.
+    `value` is the delay, travel time or t50 [samples], NaN where days differ; `band` [samples] is that of the
+    record for `far`, or the bounds for many days at them, `of` the days of the record, of which `days` are a
+    share.
     """
     row = {"first": first, "last": last, "days": days, "kind": kind, "estimators": estimators}
     return row | {"message": "", "value": float("nan"), "band": None, "of": 0, "decided": True} | more
@@ -48,18 +41,15 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
     """Return the days to look at, the latest first.
 
     Estimators that degenerate by construction are not listed where they have an answer. An estimator with
-    many days at its bounds has one row for all of them.
-
-    Only the days of `recent`, the estimator that represents the reach, are compared with a band.
+    many days at its bounds has one row for all of them. Only the days of `recent` are compared with a band.
     """
     rows, alike = list[Row](), dict[tuple[dt.date, str, str, float], list[str]]()
     for e in results.estimators:
         doubts = _doubts(e)
         edges = [doubt[0] for doubt in doubts if doubt[1] == "at_bound"]
         if len(edges) > max(SHOWN, CROWD * len(e.dates)):
-            ends = float(candidates(e)[0]), float(candidates(e)[-1])
-            n = len(e.dates)
-            rows.append(_row(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=n))
+            more = {"band": (float(candidates(e)[0]), float(candidates(e)[-1])), "of": len(e.dates)}
+            rows.append(_row(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), **more))
             doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
         for doubt in doubts:
             alike.setdefault(doubt, []).append(e.estimator)
@@ -67,7 +57,7 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
     for (date, kind, message, value), names in sorted(alike.items()):
         days[kind, message, value, tuple(names)].append(date)
     for (kind, message, value, reporting), dates in sorted(days.items()):
-        more: dict[str, Any] = {"message": message, "value": float("nan") if value < 0 else value}
+        more = {"message": message, "value": float("nan") if value < 0 else value}
         rows += [_row(a, b, (b - a).days + 1, kind, reporting, **more) for a, b in spans(dates)]
     rows += far(recent) if recent else []
     return sorted(rows, key=lambda row: (row["last"], row["first"]), reverse=True)
@@ -116,16 +106,10 @@ def far(recent: LastWeek) -> list[Row]:
 
 
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
-    """Count the days of the rows for the estimators that represent the reach.
-
-    Returns `links` (first and last day inside the last week, kind, index of the row), `days` of the last
-    week, `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
-    `no_log`: whether a day of the last week has no log.
-    """
-    lead = leading(results)
-    representing = {recent.estimator.estimator} | (
-        {lead.estimator} if lead and estimates_delay(lead) else set()
-    )
+    """Count the days of the rows for the estimators that represent the reach."""
+    representing, lead = {recent.estimator.estimator}, leading(results)
+    if lead and estimates_delay(lead):
+        representing.add(lead.estimator)
     late, early, others = (set[dt.date]() for _ in range(3))
     links = []
     for k, row in enumerate(rows):
@@ -140,12 +124,12 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str
             links.append((min(inside), max(inside), row["kind"], k))
     begin = max(recent.first, recent.estimator.dates[0])
     return {
-        "links": links,
+        "links": links,  # first and last day inside the last week, kind, index of the row
         "days": len(late),
         "earlier": len(early),
         "latest": max(early) if early else None,
-        "others": len(others - late - early),
-        "no_log": int(recent.week.sum()) < (recent.last - begin).days + 1,
+        "others": len(others - late - early),  # that only other estimators report
+        "no_log": int(recent.week.sum()) < (recent.last - begin).days + 1,  # on a day of the last week
     }
 
 

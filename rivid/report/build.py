@@ -15,20 +15,17 @@ from rivid.results.read import CLEAR, Results, passage
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year
 
-MOST = 400
-"""Most rows of days to look at on the page, which a browser lays out at once; delays.csv has all days."""
+MOST = 400  # rows of days to look at, which a browser lays out at once; delays.csv has all days
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
-
-PARTS = (
+PARTS = (  # headings of the page of the paper's figures, and the figures under each
     ("The reach and its hydraulics", ("1", "2", "3", "4", "5", "6")),
     ("The data, and the simple models", ("7", "8", "9", "10")),
     ("One day", ("11", "12")),
     ("The year", ("13", "14", "15", "16", "17", "18")),
     ("The cascade", ("19",)),
 )
-"""Headings of the page of the paper's figures, and the figures under each."""
 
 
 def write_report(
@@ -36,18 +33,17 @@ def write_report(
 ) -> Path:
     """Write OUT/report.html, which needs no other file and requests nothing from any server; return its path.
 
-    `results` are all of OUT, `figures` are embedded in order of their estimators. `summary` is run.json: the
-    page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file and reason) and,
-    where given, d_min, d_max, order and delay_scale in use. RividError if the page cannot be written or a
-    figure cannot be read.
+    `figures` are embedded in order of their estimators; `summary` is run.json.
     """
     recent = last_week(results)
     rows = attention(results, recent)
     s = summarise(results, recent)
-    place = {}
-    if recent:
-        shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row["estimators"]]
-        place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
+    place = {  # of a day in the table, in its first row
+        date: k
+        for k, row in reversed(list(enumerate(rows)))
+        if recent and recent.estimator.estimator in row["estimators"]
+        for date in dates_of(row, results)
+    }
     represents = s["passage"] or s["record"]
     context = {
         "s": s,
@@ -101,10 +97,7 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[tuple[str, list[tu
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Sections of the configuration as text, and the values in use where the configuration has "bounds".
-
-    Their names are the keys of the configuration.
-    """
+    """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
     keys = {"d_min": "d_min", "d_max": "d_max", "order": "order", "delay_scale": "sigma_d"}
     tables = {"in use": {key: summary[name] for name, key in keys.items() if name in summary}}
     tables |= {f"[{section}]": keys for section, keys in (summary.get("config") or {}).items()}

@@ -4,7 +4,6 @@ This module computes and formats numbers; the sentences are in the templates ``d
 """
 
 import datetime as dt
-import html
 import textwrap
 from collections.abc import Mapping
 from itertools import groupby
@@ -23,12 +22,11 @@ from rivid.plots import diagnosis as plots
 from rivid.plots.files import FigureFile
 from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
-from rivid.report.page import data_uri, write_page
+from rivid.report.page import data_uri, sentence, terminal, write_page
 from rivid.results.store import described, to_table, write_parquet
 from rivid.text import count, shown_in
 
-BAND = 1.959964
-"""Standard deviations to either side of a 95 % band."""
+BAND = 1.959964  # standard deviations to either side of a 95 % band
 SCHEMA, MEANINGS = described("""
 time | clock | | local time without zone, as in the logs
 w_m3s | number | m3/s | inflow that no log explains, with the named effects in the model
@@ -39,18 +37,15 @@ low_before | number | m3/s | lower end of its 95 % band
 high_before | number | m3/s | upper end of its 95 % band
 """)
 """unexplained_inflow.parquet: a row for each used sample."""
-MOST_PARAMETERS = 12
-"""Parameters on the card of an effect; diagnosis.json holds all."""
-WIDTH, INDENT = 80, 11
-"""Columns of the terminal summary, and of its keys."""
-NOISE = {
+MOST_PARAMETERS = 12  # parameters on the card of an effect; diagnosis.json holds all
+WIDTH, INDENT = 80, 11  # columns of the terminal summary, and of its keys
+NOISE = {  # name and unit of each parameter of the noise model
     "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
     "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
     "surface_area": ("water surface", "m²"), "misfit": ("fronts early or late by", "samples"),
     "sample_time": ("sample time", "s"), "recall": ("share of a level error left after a sample", ""),
 }  # fmt: skip
-"""Name and unit of each parameter of the noise model."""
 
 
 def write_diagnosis(
@@ -64,16 +59,14 @@ def write_diagnosis(
 ) -> Path:
     """Write the page (returned), diagnosis.json, unexplained_inflow.parquet and figures/diagnosis_*.png.
 
-    Other files in OUT remain; figures of an earlier diagnosis are removed, also without `draw`. `evidence` is
-    None if there were too few data, `reach` is the name on the page, and `classes` describe the effects by
-    name, :func:`rivid.effects.effect_classes` by default. Each file is written atomically, diagnosis.json
-    last, and equal results give equal bytes. RividError if a file cannot be written.
+    Figures of an earlier diagnosis are removed, also without `draw`. `evidence` is None if there were too few
+    data, and `classes` describe the effects by name, :func:`rivid.effects.effect_classes` by default. Each
+    file is written atomically, diagnosis.json last, and equal results give equal bytes.
     """
     write_inflow(out / "unexplained_inflow.parquet", evidence)
     files = draw_pictures(out, diagnosis, evidence) if draw else []
     drop_old(out / "figures", files, plots.KINDS)
     known = effect_classes() if classes is None else classes
-    quantities.environment()
     shown, gap = quantities.as_shown(diagnosis), diagnosis.gap
     record = evidence.record if evidence is not None else None
     river = record is not None and record.kind == "river"
@@ -114,7 +107,7 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
             rows, (_, unit) = quantities.gap_rows(gap), quantities.scale(gap)
             files.append(plots.draw_gap(folder, rows, gap.horizon_h, unit, len(gap.heldout_dates)))
         if loop is not None and loop.shown is not None:
-            words = quantities.sentence("loop", loop, named)
+            words = sentence("loop", loop, named)
             files.append(plots.draw_loop(folder, loop.shown, words, named=named))
         if evidence is not None and evidence.record.used.any():
             windows = [(quantities.name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
@@ -139,13 +132,13 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
 
 def _grown(gap: Gap) -> list[tuple[str, float]]:
     """Steps with an error more than 1 % above that of the step before: name, horizon [h]."""
-    before, found = gap.rmse_baseline, []
-    for step in gap.steps:
-        found += [
-            (step.added, h) for h, a, b in zip(gap.horizon_h, before, step.rmse, strict=True) if b > 1.01 * a
-        ]
-        before = step.rmse
-    return found
+    before = [gap.rmse_baseline, *(step.rmse for step in gap.steps)]
+    return [
+        (step.added, h)
+        for step, old in zip(gap.steps, before, strict=False)
+        for h, a, b in zip(gap.horizon_h, old, step.rmse, strict=True)
+        if b > 1.01 * a
+    ]
 
 
 def _card(
@@ -190,15 +183,14 @@ def _toml(table: Mapping[str, Any]) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the result in a sentence: what is missing, its size and its time."""
-    return quantities.sentence("headline", quantities.as_shown(diagnosis))
+    return sentence("headline", quantities.as_shown(diagnosis))
 
 
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
-    template = quantities.environment().get_template("diagnosis.txt.j2")
     diagnosis = quantities.as_shown(diagnosis)
     ranking, lines = quantities.explanations(diagnosis.ranking)[0], list[str]()
-    for line in html.unescape(template.render(d=diagnosis, ranking=ranking)).splitlines():
+    for line in terminal("diagnosis", d=diagnosis, ranking=ranking).splitlines():
         key, _, text = line.partition("\t")
         if key == "Gap":
             lines += _gap_lines(diagnosis.gap) if diagnosis.gap is not None else []
@@ -233,5 +225,5 @@ def _gap_lines(gap: Gap) -> list[str]:
         short = name if len(name) <= width else f"{name[: width - 3]}..."
         start = ("Gap" if i == 0 else "").ljust(INDENT) + short.ljust(width)
         lines.append(start + "".join(f"{cell:>8}" for cell in cells))
-    share = quantities.sentence("closed", gap)
+    share = sentence("closed", gap)
     return lines + (_entry(" ", share) if share else [])

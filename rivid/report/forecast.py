@@ -61,9 +61,8 @@ def lines(found: Forecast, config: Config) -> list[str]:
 def headline(found: Forecast, config: Config) -> str:
     """The forecast in a sentence: where the output goes, when, and how sure that is."""
     s, q = found.series, found.quantiles
-    unit = config.reach.output_unit.replace("m3", "m³")
-    digits = 2 if config.reach.kind == "pool" else 0
-    what = "level" if config.reach.kind == "pool" else "discharge"
+    unit, pool = config.reach.output_unit.replace("m3", "m³"), config.reach.kind == "pool"
+    digits, what = (2, "level") if pool else (0, "discharge")
     hours = q.shape[1] * config.reach.sample_time / HOUR
     ends = sorted(((int(q[2].argmin()), "lowest"), (int(q[2].argmax()), "highest")))
     parts = [
@@ -81,14 +80,12 @@ def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
     s, q, reach = found.series, found.quantiles, config.reach
     figure = draw(found, reach.name, reach.output_unit, out / "figures")
     pool = reach.kind == "pool"
-    digits = 3 if pool else 1
+    digits, logged = (3, (s.inflow, s.outflow)) if pool else (1, (s.inflow,))
     rows = []
     each = max(round(HOUR / reach.sample_time), 1)
     for k in range(each - 1, q.shape[1], each):
         at = s.now + 1 + k
-        output = tuple(f"{v:.{digits}f}" for v in q[:, k])
-        flows = tuple(f"{v[at]:.0f}" for v in ((s.inflow, s.outflow) if pool else (s.inflow,)))
-        rows.append((s.moment(at), (*output, *flows)))
+        rows.append((s.moment(at), [f"{v:.{digits}f}" for v in q[:, k]] + [f"{v[at]:.0f}" for v in logged]))
     assumed = found.announced < q.shape[1]
     context = {
         "reach": reach, "found": found, "at": s.moment(s.now), "rows": rows, "pool": pool,

@@ -6,7 +6,6 @@ Every page ``name.html.j2`` extends ``base.html.j2`` and uses the one style shee
 import base64
 import hashlib
 import html
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
@@ -16,28 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 from rivid import __version__, text
 from rivid.atomic import write_text
+from rivid.diagnosis.result import VERDICTS
 from rivid.errors import RividError
 from rivid.estimators import ESTIMATORS
+from rivid.report import quantities as q
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from jinja2.bccache import Bucket
-    from markupsafe import Markup
 
     from rivid.plots.files import FigureFile
-
-UNITS = re.compile(r"(\d) (min|h|s|samples?|days?|%|m³/s|mm)\b")
-"""A number and its unit: a headline has no line break between them."""
-
-
-def unbroken(text: "Markup") -> "Markup":
-    """Return a text in one line, with units that stay with their numbers where lines are broken."""
-    return type(text)(UNITS.sub("\\1\u00a0\\2", " ".join(text.split())))
 
 
 @cache
 def environment() -> "Environment":
-    """Return the Jinja environment of all pages, made once in a process; its globals hold the style sheet."""
+    """Return the Jinja environment of all templates, made once in a process."""
     from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -59,9 +51,19 @@ def environment() -> "Environment":
     style = loader.get_source(made, "base.css")[0]
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     made.globals |= {name: word for name, word in vars(text).items() if isfunction(word)}
-    made.filters |= {"unbroken": unbroken, "caption": caption}
     made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
-    made.globals["ESTIMATORS"] = ESTIMATORS
+    made.globals |= {"ESTIMATORS": ESTIMATORS, "VERDICTS": VERDICTS, "zip": zip}
+    formats = (
+        q.closed, q.error, q.estimate, q.name, q.p_value, q.percent, q.period, q.printable, q.size, q.when,
+        text.count, caption,
+    )  # fmt: skip
+    made.filters |= {function.__name__: function for function in formats}
+    made.filters.update(
+        listed=lambda parts, last="and": text.listed(list(parts), last),
+        oneline=lambda words: type(words)(q.printable(words)),  # what is escaped stays so, and is not again
+        tight=lambda words: type(words)(q.tight(words)),
+        initial=lambda words: words[:1].upper() + words[1:],
+    )
     return made
 
 
@@ -69,7 +71,13 @@ def caption(figure: "FigureFile") -> str:
     """Return the caption of a figure, by the macro of its kind in ``captions.j2``."""
     words = environment().get_template("captions.j2").module
     macro = getattr(words, figure.kind, None) or words.paper  # type: ignore[attr-defined]
-    return html.unescape(" ".join(macro(figure).split()))
+    return html.unescape(q.printable(macro(figure)))
+
+
+def sentence(macro: str, *values: Any) -> str:
+    """Return the text of a macro of ``diagnosis_words.j2``, on one line and without HTML escapes."""
+    words = environment().get_template("diagnosis_words.j2").module
+    return html.unescape(q.printable(getattr(words, macro)(*values)))
 
 
 def write_page(path: Path, name: str, context: Mapping[str, Any]) -> Path:

@@ -1,44 +1,39 @@
 """Numbers, names, dates and hours of a diagnosis as text, for its page, figures and terminal summary."""
 
 import datetime as dt
-import html
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
-from rivid.report import page
-from rivid.text import count, day_range, listed, shown_in
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
+from rivid.text import day_range, listed, shown_in
+from rivid.types import DAY, HOUR
 
 NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
 """Parameters that give a time or a place; the headline states the first of the others."""
 
 
-MOST_NAMES = 4
-"""Most explanations with a name in the ranking of a page; a model holds as many effects at most."""
+MOST_NAMES = 4  # explanations with a name in a ranking; a model holds as many effects at most
+
+
+UNITS = re.compile(r"(?<=\d) (?=(?:%|m³/s|mm|min|h|s|samples?|days?)(?!\w))")  # between a number and its unit
 
 
 class Explanation(NamedTuple):
-    """A row of the ranking: what it states, its probability, whether it is material."""
+    """A row of the ranking."""
 
-    kind: str
+    kind: str  # "named", "unknown" or "nothing"
     words: str
     probability: float
     material: bool
 
 
 class Errors(NamedTuple):
-    """Errors of a simulation at each horizon, on the sealed and, where known, on the open days.
+    """Errors of a simulation at each horizon, on the sealed and, where known, on the open days."""
 
-    The kind is "baseline", "step", "described" (events timed on the day itself) or "floor".
-    """
-
-    kind: str
+    kind: str  # "baseline", "step", "described" (events timed on the day itself) or "floor"
     name: str
     sealed: Sequence[float]
     open: Sequence[float] | None = None
@@ -51,12 +46,12 @@ def printable(text: str) -> str:
 
 def name(code: str) -> str:
     """Return the name of an effect in words."""
-    return printable(code.replace("_", " ")).strip() or "an effect without a name"
+    return printable(code.replace("_", " ")) or "an effect without a name"
 
 
 def tight(text: str) -> str:
     """Return the text with no-break spaces between numbers and units, and m³/s as pages write it."""
-    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text.replace("m3/s", "m³/s"))
+    return UNITS.sub("\u00a0", text.replace("m3/s", "m³/s"))
 
 
 def _decimals(spread: float, value: float) -> int:
@@ -69,8 +64,7 @@ def _decimals(spread: float, value: float) -> int:
 def _fixed(value: float, decimals: int) -> str:
     if value != 0 and not 1e-4 <= abs(value) < 1e7:
         return f"{value:.2e}"
-    text = f"{value:,.{min(decimals, 8)}f}"
-    return text.removeprefix("-") if float(text.replace(",", "")) == 0 else text
+    return f"{value:z,.{min(decimals, 8)}f}"  # z: no minus sign before a zero
 
 
 def estimate(e: Estimate) -> str:
@@ -128,8 +122,7 @@ def when(where: Where) -> str:
     """Return dates, hours and regime of an effect."""
     parts = []
     if where.dates is not None:
-        first, last = where.dates
-        parts.append(f"on {first}" if first == last else f"from {day_range(first, last)}")
+        parts.append(f"{'on' if where.dates[0] == where.dates[1] else 'from'} {day_range(*where.dates)}")
     if where.hours is not None:
         parts.append(f"from {clock(where.hours[0])} to {clock(where.hours[1])}")
     if where.regime:
@@ -154,10 +147,9 @@ def error(value: float | None, factor: float = 1.0) -> str:
 
 def period(seconds: float) -> str:
     """Return a duration in minutes, hours or days, to three digits."""
-    for limit, unit, length in ((7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
-        if seconds < limit:
-            return f"{seconds / length:.3g} {unit}"
-    return f"{seconds / 86_400.0:.3g} days"
+    if seconds < 7200.0:
+        return f"{seconds / 60.0:.3g} min"
+    return f"{seconds / HOUR:.3g} h" if seconds < 2 * DAY else f"{seconds / DAY:.3g} days"
 
 
 def closed(share: float) -> str:
@@ -218,8 +210,7 @@ def explanation(names: Sequence[str], unknown: str | None) -> str:
 def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, float]:
     """Return the rows of a ranking, the number of explanations left out, and their joint probability.
 
-    "Nothing missing" and those without any name are always among the rows, with the :data:`MOST_NAMES` most
-    probable others.
+    "Nothing missing" and those without any name are always among the rows.
     """
     rows = [
         Explanation(
@@ -231,25 +222,3 @@ def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, flo
     named = [row for row in rows if row.kind == "named"]
     left = named[MOST_NAMES:]
     return [row for row in rows if row not in left], len(left), sum(row.probability for row in left)
-
-
-def environment() -> "Environment":
-    """Return the environment of all templates, with the formats of this module as filters."""
-    made = page.environment()
-    formats = (name, size, estimate, when, p_value, error, period, closed, printable, percent)
-    made.filters |= {function.__name__: function for function in formats}
-    made.filters |= {
-        "count": count,
-        "listed": lambda parts, last="and": listed(list(parts), last),
-        "oneline": lambda text: type(text)(printable(text)),  # what is escaped stays so, and is not again
-        "tight": lambda text: type(text)(tight(text)),
-        "initial": lambda text: text[:1].upper() + text[1:],
-    }
-    made.globals |= {"VERDICTS": VERDICTS, "zip": zip}
-    return made
-
-
-def sentence(macro: str, *values: Any) -> str:
-    """Return the text of a macro of ``diagnosis_words.j2``, on one line and without HTML escapes."""
-    words = environment().get_template("diagnosis_words.j2").module
-    return html.unescape(printable(getattr(words, macro)(*values)))

@@ -13,15 +13,9 @@ from rivid.results.read import kinds
 from rivid.text import time_unit
 
 WIDTH, HEIGHT = 720.0, 216.0
-LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
-"""The drawing and its margins, in its own units; text is 11 of them high."""
-
-FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "height": HEIGHT}
-"""Edges of the drawing, for the template."""
-
-LEAST = 4.0
-"""Smallest span of the delays shown [samples]: a calm record looks calm."""
-
+LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0  # the margins, in units of which text is 11 high
+FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "height": HEIGHT}  # edges
+LEAST = 4.0  # smallest span of the delays shown [samples]: a calm record looks calm
 LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "doubt", "at a bound": "doubt"}
 """Class of the mark of a day by the class of its delay."""
 
@@ -29,11 +23,7 @@ LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "do
 def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dict[str, Any] | None:
     """Lay out the last week and the eight before it; `rows` gives the row of a day in the table of days.
 
-    The result has `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt,
-    none), `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y,
-    of each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
-    on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
-    without an answer are marked. None where these weeks have fewer than two days with a value.
+    None where these weeks have fewer than two days with a value.
     """
     e = recent.estimator
     ago = weeks_ago(e.dates)
@@ -74,18 +64,17 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
     late = 0.5 if recent.quantity == "delay" else 0.0  # d is a time from d to d + 1: its middle
+    times = ticks((low + late) * scale, (high + late) * scale)
     return {
         "marks": marks,
-        "medians": medians,
-        "lags": [(y(lag), text) for lag, text in ticks(low, high)],
-        "times": [
-            (y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)
-        ],
+        "medians": medians,  # x of both ends and y, of each week
+        "lags": [(y(lag), text) for lag, text in ticks(low, high)],  # samples, on the left
+        "times": [(y(time / scale - late), text) for time, text in times],  # in `unit`, on the right
+        "unit": unit,
         "dates": [(x(date), f"{date:%m-%d}") for date in begins if date >= first]
         or [(x(first), f"{first:%m-%d}")],
-        "week": round(x(max(first, recent.first)) - step / 2, 1),
-        "floor": floor,
-        "unit": unit,
+        "week": round(x(max(first, recent.first)) - step / 2, 1),  # x where the last week begins
+        "floor": floor,  # y below which days without an answer are marked
     }
 
 

@@ -19,66 +19,39 @@ from rivid.results.read import EstimatorResults, Results
 from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
-WEEK = 7
-"""Days of a week; the last week ends with the record."""
-
-WEEKS = 8
-"""Weeks before the last one that it is compared with: about the length of a season of flow and programme."""
-
-FEWEST_DAYS = 3
-"""A week with fewer decided days is left out: a trimmed mean of two is no mean."""
-
-FEWEST_WEEKS = 4
-"""Fewest weeks before the last one for a test: with three, Student's t would need a factor of 9.9."""
-
-LEVEL = 0.01
-"""Two-sided level of the test for a move: one false alarm in two years of weeks."""
-
+WEEK = 7  # days of a week; the last week ends with the record
+WEEKS = 8  # weeks before the last one to compare it with: about a season of flow and programme
+FEWEST_DAYS = 3  # a week with fewer decided days is left out: a trimmed mean of two is no mean
+FEWEST_WEEKS = 4  # weeks before the last one for a test: with three, Student's t would need a factor of 9.9
+LEVEL = 0.01  # two-sided level of the test for a move: one false alarm in two years of weeks
 LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
 """Two-sided limits of Student's t at :data:`LEVEL`, with one degree of freedom less than the number of weeks
 before. A table, since scipy.stats takes longer to load than a page to write."""
-
 STEP_DAYS, STEP_LIMIT = 5, 20.0
 """Fewest days on each side of a step, and limit of its statistic: of simulated records with outliers on 5 %
 of the days and a correlation from day to day of 0 to 0.5 (0.8), 0 to 1.5 % (2 to 4 %) exceed it."""
-
 LONG = 1.5
 """Ratio of travel time and gravity wave in a pool from which the geometry or a clock is in doubt: the wave
 takes as long in less than half of the depth."""
-
-SPREAD_OUT = 0.5
-"""With a smaller share of days at the two most frequent delays, a range describes the record better."""
-
-MOST_REASONS = 3
-"""Reasons of unidentifiable days that are listed; the table of days has all."""
-
-LITTLE = 0.25
-"""A river's jump delay is called of little use where the prior decides a larger share of days."""
-
-OFTEN = 1 / 3
-"""The headline mentions the prior where it decides this share of the days or more."""
+SPREAD_OUT = 0.5  # with a smaller share of days at the two commonest delays, a range describes them better
+MOST_REASONS = 3  # reasons of unidentifiable days that are listed; the table of days has all
+LITTLE = 0.25  # a river's jump delay is called of little use where the prior decides a larger share of days
+OFTEN = 1 / 3  # the headline mentions the prior where it decides this share of the days or more
 
 
 @dataclass(frozen=True)
 class LastWeek:
-    """The last week of the estimator that represents the reach.
-
-    `quantity` is t50, travel (travel times with their fraction) or delay (d); `values`, shape (n,), are of
-    every day of the record [samples], NaN where there is none. `decided`, shape (n,), are days with a value
-    that the data decide (not prior_only, not degenerate). `week`, shape (n,), are rows of the last week;
-    `first` and `last` are its ends, the record may have begun later. `median` is that of the week [samples],
-    NaN without a value; `trend` is that of :func:`trend`, None where there are too few days for a test.
-    """
+    """The last week of the estimator that represents the reach, and n days of its record."""
 
     estimator: EstimatorResults
-    quantity: str
-    values: Floats
-    decided: Bools
-    week: Bools
-    first: dt.date
+    quantity: str  # t50, travel (travel times with their fraction) or delay (d)
+    values: Floats  # of every day [samples], (n,); NaN where there is none
+    decided: Bools  # days with a value that the data decide (not prior_only, not degenerate), (n,)
+    week: Bools  # days of the last week, (n,)
+    first: dt.date  # its ends; the record may have begun later
     last: dt.date
-    median: float
-    trend: dict[str, Any] | None
+    median: float  # of the week [samples], NaN without a value
+    trend: dict[str, Any] | None  # of :func:`trend`
 
     @property
     def whole(self) -> bool:
@@ -88,8 +61,7 @@ class LastWeek:
     @property
     def given(self) -> Bools:
         """Days of the last week with a value, shape (n,)."""
-        given: Bools = self.week & np.isfinite(self.values)
-        return given
+        return np.asarray(self.week & np.isfinite(self.values))
 
     @property
     def by_prior(self) -> int:
@@ -98,13 +70,11 @@ class LastWeek:
 
 
 def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
-    """Count and condense the rows of one estimator over the record.
+    """Count and condense the rows of one estimator over the record; NaN where there is no number.
 
-    The counts are of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay:
-    `at_bound`, `prior_only`, `too_fast` (:func:`impossible`). Delays [samples]: the one or two most frequent
-    in order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
-    answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
-    the delays: `probability`, `least`; NaN where there are none.
+    Delays are in samples: the one or two most frequent in order (`common`), and 80 % of the days from `low`
+    to `high`. `condition`, `noise_sd` [output unit] and `alpha` [(m3/s)^2] are medians of the answered days,
+    `probability` and `least` the median and the lowest of the delays.
     """
     e, days = estimator, read.found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
@@ -138,16 +108,10 @@ def _median(values: Floats) -> float:
 
 
 def leading(results: Results) -> EstimatorResults | None:
-    """Return the estimator that represents the record; None without any row.
-
-    The first of those with a delay that have the highest rank, or else the first at all.
-    """
+    """Return the first estimator of the highest rank among those with a delay, or else the first at all."""
     having = [e for e in results.estimators if e.dates]
-    return max(
-        having,
-        key=lambda e: ESTIMATORS[e.estimator].represents if read.estimates_delay(e) else (),
-        default=None,
-    )
+    with_delay = [e for e in having if read.estimates_delay(e)]
+    return max(with_delay or having[:1], key=lambda e: ESTIMATORS[e.estimator].represents, default=None)
 
 
 def last_week(results: Results) -> LastWeek | None:
@@ -156,14 +120,8 @@ def last_week(results: Results) -> LastWeek | None:
     e = river or leading(results)
     if e is None or (river is None and not read.estimates_delay(e)):
         return None
-    if river:
-        quantity, values, days = "t50", e.t50, read.has_t50(e)
-    elif e.travel_s is not None:
-        quantity, values, days = "travel", e.travel_s / results.sample_time, read.found(e)
-    else:
-        quantity, values, days = "delay", e.delay, read.found(e)
-    values = np.where(days, values, np.nan)
-    sound = np.isfinite(values) & (days if river else read.decided(e))
+    quantity, values = _lags(results, e, "t50" if river else "delay")
+    sound = np.isfinite(values) & (read.has_t50(e) if river else read.decided(e))
     ago = weeks_ago(e.dates)
     last = e.dates[-1]
     return LastWeek(
@@ -171,6 +129,17 @@ def last_week(results: Results) -> LastWeek | None:
         first=last - dt.timedelta(days=WEEK - 1), last=last, median=_median(values[ago == 0]),
         trend=trend(values[sound], ago[sound]),
     )  # fmt: skip
+
+
+def _lags(results: Results, e: EstimatorResults, quantity: str) -> tuple[str, Floats]:
+    """The t50, or what is known best of the delay: its name, and the lags [samples], (n,); NaN for none."""
+    if quantity == "t50":
+        values, days = e.t50, read.has_t50(e)
+    elif e.travel_s is not None:
+        quantity, values, days = "travel", e.travel_s / results.sample_time, read.found(e)
+    else:
+        quantity, values, days = "delay", e.delay, read.found(e)
+    return quantity, np.where(days, values, np.nan)
 
 
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
@@ -187,16 +156,14 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     Student's t of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken
     below the one that their days would give if they were independent.
 
-    `values`, shape (n,), are the delay, travel time or t50 of the decided days [samples], `ago` their weeks
-    before the last one (:func:`weeks_ago`). Returns medians [samples] of the last week (`now`) and of all
-    days before (`before`), lowest and highest median of the weeks before (`low`, `high`), `days` of the last
-    week, `weeks` before it that count, `t` and `moved`. None with fewer than three days in the last week, or
-    fewer than four weeks before that have three.
+    `values`, shape (n,), are those of the decided days [samples], `ago` their weeks before the last one. None
+    with fewer than three days in the last week, or fewer than four weeks before that have three; otherwise
+    medians [samples] of the last week (`now`), of all days `before`, and the lowest and highest of the weeks
+    before (`low`, `high`).
 
     Simulated with delays that are correlated from day to day by 0 to 0.8, its size is 0.2 to 1.6 %, and a
     move of one sample (two) is found in 45 to 14 % (98 to 63 %) of the records. Counting the days outside the
-    band of the year before, as if they were independent, exceeds its level twelvefold and finds 1 to 8 % of
-    the small moves.
+    band of the year before, as if they were independent, exceeds its level twelvefold.
     """
     count = np.bincount(ago, minlength=WEEKS + 1)[: WEEKS + 1]
     weeks = np.flatnonzero(count >= FEWEST_DAYS)
@@ -268,23 +235,18 @@ def stepped(recent: LastWeek) -> tuple[dt.date, float, float] | None:
 def impossible(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> tuple[Bools, Bools]:
     """Return the days with an arrival that the geometry excludes: too fast and too slow, each of shape (n,).
 
-    Too fast is more than a sample before the gravity wave; too slow is more than a sample after
-    :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal: of the gravity wave
-    in a pool, of the kinematic wave in a river. The arrival is t50 where that is the `quantity`, else the
-    travel time, or all that d allows.
+    Too fast is more than a sample before the gravity wave, too slow more than a sample after
+    :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal. The arrival is t50
+    where that is the `quantity`, else the travel time, or all that d allows.
     """
-    e, T_s = estimator, results.sample_time
-    if quantity == "t50":
-        earliest, latest, days = e.t50 * T_s, e.t50 * T_s, read.has_t50(e)
-    elif e.travel_s is not None:
-        earliest, latest, days = e.travel_s, e.travel_s, read.found(e)
-    else:
-        earliest, latest, days = e.delay * T_s, (e.delay + 1) * T_s, read.found(e)
-    return days & (latest + T_s < e.bound_gravity_s), days & (earliest - T_s > SLOW * _wave(results, e))
+    T_s, (known, lag) = results.sample_time, _lags(results, estimator, quantity)
+    latest = lag + 1 if known == "delay" else lag
+    fast = (latest + 1) * T_s < estimator.bound_gravity_s
+    return fast, (lag - 1) * T_s > SLOW * _wave(results, estimator)
 
 
 def _wave(results: Results, e: EstimatorResults) -> Floats:
-    """Travel time of the wave that carries the signal [s], shape (n,)."""
+    """Travel time [s] of the wave that carries the signal, gravity in a pool, kinematic in a river; (n,)."""
     return e.bound_gravity_s if results.output_unit == "m" else e.bound_kinematic_s
 
 
@@ -301,11 +263,9 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
-    """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
+    """Condense a run and its last week into one record of numbers, dates and codes.
 
-    These are `assumed`, `first`, `last`, `days`, `no_log` (first and last days of gaps), `missing` (days),
-    and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is
-    nothing to report. Lags are in samples, bounds in seconds.
+    Its parts are None where there is nothing to report. Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), read.leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
@@ -368,12 +328,11 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     """The test, or why there is none."""
     t, e = recent.trend, recent.estimator
     ago = weeks_ago(e.dates)
-    there = min(int(ago.max()), WEEKS)
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
     undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
-    spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
     since = None if t is not None and t["moved"] else stepped(recent)
-    inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
+    flow = np.isfinite(e.mean_inflow)
+    inflow = [e.mean_inflow[flow & span] for span in (ago == 0, (ago > 0) & (ago <= WEEKS))]
     if t is not None:
         code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
     elif recent.whole:
@@ -386,7 +345,7 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
         "since": since[0] if since else None,
         "sides": since[1:] if since else None,
         "days": int(days[0]),
-        "weeks": there,
+        "weeks": min(int(ago.max()), WEEKS),
         "weeks_used": int((days[1:] >= FEWEST_DAYS).sum()),
         "fewest_days": FEWEST_DAYS,
         "fewest_weeks": FEWEST_WEEKS,
@@ -426,8 +385,7 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[s
         part["code"] = "not_judged"
     elif e.probability is not None:
         sure = e.probability[given if n else np.isfinite(recent.values)]
-        of = "record" if recent.whole or not n else "week"
-        part |= {"code": "probability", "of": of}
+        part |= {"code": "probability", "of": "week" if part["week"] else "record"}
         part |= {"median": float(np.median(sure)), "least": float(sure.min())}
     return part
 
@@ -471,17 +429,15 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
         p = read.rayleigh(tried, results.delay_scale)
         modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
         record["modes"] = [float(d) for d in modes]
         record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f["common"]) <= 1
-        for other in results.estimators:
-            if ESTIMATORS[other.estimator].uniform and (g := facts(results, other))["with_delay"]:
-                record["uniform"] = (other.estimator, g)
-                break
+        others = [other for other in results.estimators if ESTIMATORS[other.estimator].uniform]
+        uniform = ((other.estimator, facts(results, other)) for other in others)
+        record["uniform"] = next((one for one in uniform if one[1]["with_delay"]), None)
     return record
 
 

@@ -19,50 +19,42 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-SCHEMA_VERSION = 1
-"""Version of the results contract; a reader refuses a newer one."""
+SCHEMA_VERSION = 1  # version of the results contract; a reader refuses a newer one
 
 
 @dataclass(frozen=True)
 class EstimatorResults:
     """Results of one estimator by day, in date order: n rows, failed days included; NaN where it has none.
 
-    `delay`, `delay_low`, `delay_high` (smallest set of delays that holds 90 %) and `t50` (of rivers: lag by
-    which half of a step has arrived, from the FIR) are in samples, `travel_s` (with a fraction of a sample),
-    `half_s` (the same with the gauge's lag) and the bounds (5) of the travel time in seconds, `mean_inflow`
-    in m3/s. `fir`, shape (n, M), and its standard deviation `fir_sd` are in the output unit per m3/s; M is 0
-    without impulse responses.
-    `candidates`, shape (K,), are the delays tried [samples] and `criterion`, shape (n, K), the criterion of
-    each: of CUSUM its g at lag d + 1, large after a change; of posteriors p(d | y). `status` is ok,
-    unidentifiable, degenerate, pending or failed; `messages` are its reasons and remarks, or empty. The
-    other attributes are the columns of the same name in delays.csv. Attributes that may be None are None
-    where the estimator gives no such value on any day.
+    None for what it gives on no day. What has no comment is the column of that name in delays.csv.
     """
 
     estimator: str
     dates: list[dt.date]
-    status: list[str]
-    messages: list[str]
-    delay: Floats
+    status: list[str]  # ok, unidentifiable, degenerate, pending or failed
+    messages: list[str]  # reasons and remarks, or empty
+    delay: Floats  # [samples]
     at_bound: Bools
     prior_only: Bools
-    t50: Floats
-    fir: Floats
-    candidates: Floats
-    criterion: Floats
+    t50: Floats  # of rivers: lag by which half of a step has arrived, from the FIR [samples]
+    fir: Floats  # (n, M) [output unit per m3/s]; M is 0 without impulse responses
+    candidates: Floats  # delays tried [samples], (K,)
+    criterion: (
+        Floats  # of each, (n, K): of CUSUM its g at lag d + 1, high after a change, of posteriors p(d|y)
+    )
     alpha: Floats
     noise_sd: Floats
     roughness_sd: Floats
     condition: Floats
-    mean_inflow: Floats
-    bound_gravity_s: Floats
+    mean_inflow: Floats  # [m3/s]
+    bound_gravity_s: Floats  # bounds (5) of the travel time [s]
     bound_kinematic_s: Floats
     probability: Floats | None = None
-    delay_low: Floats | None = None
+    delay_low: Floats | None = None  # ends of the smallest set of delays that holds 90 % [samples]
     delay_high: Floats | None = None
-    fir_sd: Floats | None = None
-    travel_s: Floats | None = None
-    half_s: Floats | None = None
+    fir_sd: Floats | None = None  # standard deviation of `fir`, (n, M)
+    travel_s: Floats | None = None  # travel time with a fraction of a sample [s]
+    half_s: Floats | None = None  # the same with the gauge's lag [s]
 
     @property
     def answered(self) -> Bools:
@@ -77,21 +69,16 @@ class EstimatorResults:
 
 @dataclass(frozen=True)
 class Results:
-    """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration.
-
-    `sample_time` is T_s [s]; `output_unit` is m for a pool (level), m3/s for a river (discharge);
-    `delay_scale` is sigma_d in use [samples], the mode of the Rayleigh prior. `note` is a line about the
-    data. `assumed` are the keys of the reach's geometry that are not configured: the bounds (5) are NaN then,
-    because they would be those of another reach.
-    """
+    """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration."""
 
     reach: str
-    sample_time: float
-    output_unit: str
-    delay_scale: float
+    sample_time: float  # T_s [s]
+    output_unit: str  # m for a pool (level), m3/s for a river (discharge)
+    delay_scale: float  # sigma_d in use [samples], the mode of the Rayleigh prior
     estimators: list[EstimatorResults]
+    # keys of the geometry that are not configured: the bounds (5) are NaN then, those of another reach
     assumed: tuple[str, ...] = ()
-    note: str = ""
+    note: str = ""  # a line about the data
 
     def of(self, name: str) -> EstimatorResults:
         """The results of one estimator; StopIteration where it was not applied."""
@@ -151,8 +138,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-RECORD = "run.json"
-"""The record of a run: settings, counts and versions, and the hashes of its files."""
+RECORD = "run.json"  # the record of a run: settings, counts and versions, and the hashes of its files
 
 
 def last_record(out: Path) -> dict[str, Any]:
@@ -302,51 +288,35 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
     """
     logs = np.log(delays) - delays**2 / (2 * scale**2)
     weights = np.exp(logs - logs.max())
-    p: Floats = weights / weights.sum()
-    return p
+    return np.asarray(weights / weights.sum())
 
 
-MOST = 0.8
-"""The share of days that a range holds: four days in five."""
-
-FEW = 9
-"""With fewer days, no thirds and no range of four days in five."""
-
-CLEAR = 0.7
-"""t50 falls with the flow where a day of low flow has the longer t50 in this share of pairs of days."""
+MOST = 0.8  # the share of days that a range holds: four days in five
+FEW = 9  # with fewer days, no thirds and no range of four days in five
+CLEAR = 0.7  # t50 falls with the flow where low flow has the longer t50 in this share of pairs of days
 
 
 @dataclass(frozen=True)
 class Thirds:
-    """t50 by thirds of the mean inflow.
+    """t50 by thirds of the mean inflow."""
 
-    `edges` are mean inflows [m3/s]: lowest, end of the lower third, begin of the upper third, highest.
-    `medians` are those of t50 [samples] in the lower, middle and upper third. `longer` is the share of pairs
-    of a day of the lower and a day of the upper third in which the lower has the longer t50; 0.5 where the
-    flow does not matter.
-    """
-
-    edges: tuple[float, ...]
-    medians: tuple[float, ...]
-    longer: float
+    edges: tuple[float, ...]  # mean inflows [m3/s]: lowest, end of lower and begin of upper third, highest
+    medians: tuple[float, ...]  # of t50 [samples] in the lower, middle and upper third
+    longer: float  # share of pairs of a day of the lower and one of the upper third where the lower has more
 
 
 @dataclass(frozen=True)
 class Passage:
-    """t50 over the record [samples]: median and range of four days in five (of all days, if they are few).
-
-    `with_t50` of the `days` have one. `thirds` is None where too few days have a mean inflow, or all the
-    same. `bounded` days have both bounds (5); `between` of them have a t50 between them.
-    """
+    """t50 over the record."""
 
     days: int
-    with_t50: int
-    median: float
-    low: float
+    with_t50: int  # of the days
+    median: float  # [samples]
+    low: float  # range of four days in five, of all days if they are few [samples]
     high: float
-    thirds: Thirds | None
-    bounded: int
-    between: int
+    thirds: Thirds | None  # None where too few days have a mean inflow, or all the same
+    bounded: int  # days with both bounds (5)
+    between: int  # of these, with a t50 between them
 
 
 def has_t50(estimator: EstimatorResults) -> Bools:
@@ -358,7 +328,7 @@ def leading_response(results: Results) -> EstimatorResults | None:
     """Return the estimator with a t50 that has the highest rank, or else without; None in a pool."""
     if results.output_unit == "m":
         return None
-    having = [e for e in results.estimators if e.dates]
+    having = (e for e in results.estimators if e.dates)
     return max(having, key=lambda e: (has_t50(e).any(), ESTIMATORS[e.estimator].t50_rank), default=None)
 
 

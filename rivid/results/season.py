@@ -23,32 +23,25 @@ from rivid.results.read import matrix, refuse_parts
 from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
-LONGEST = 40_000
-"""Most calendar days of a season: one wrong date in a log must not exhaust the memory."""
+LONGEST = 40_000  # most calendar days of a season: one wrong date in a log must not exhaust the memory
 
 
 @dataclass(frozen=True)
 class SeasonDays:
-    """Results of `posterior` for each of the n calendar days from the first to the last complete one.
-
-    `river`: the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
-    `window` is the days of a data set, `candidates`, shape (D,), the delays [samples]. Of the day alone, NaN
-    where it has none: `probability`, shape (n, D), is p(d | y), `delay` in samples, `travel` the travel time
-    [s], `discharge` the mean inflow of its data set [m3/s], if positive. `sample_time` is T_s [s]. `doubt` is
-    by how much all travel times may be too long, and too short [s], because the stamps of output and inflow
-    are not declared.
-    """
+    """Results of `posterior` for each of the n calendar days from the first to the last complete one."""
 
     reach: str
-    sample_time: float
-    river: bool
-    window: int
+    sample_time: float  # T_s [s]
+    river: bool  # the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d
+    window: int  # days of a data set
     dates: list[dt.date]
-    candidates: NDArray[np.intp]
-    probability: Floats
-    delay: Floats
-    travel: Floats
-    discharge: Floats
+    candidates: NDArray[np.intp]  # delays [samples], (D,)
+    # of the day alone, NaN where it has none
+    probability: Floats  # p(d | y), (n, D)
+    delay: Floats  # [samples]
+    travel: Floats  # travel time [s]
+    discharge: Floats  # mean inflow of its data set [m3/s], if positive
+    # by how much all travel times may be too long, and too short [s]: stamps that are not declared
     doubt: tuple[float, float] = (0.0, 0.0)
 
     def place(self, probability: Floats, share: float) -> Floats:
@@ -70,7 +63,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     """The days of a finished run into `out`; `record` is its run.json.
 
     ConfigError if the run has no posterior, or the outflow of its pool is not logged; NoDataError if no day
-    has probabilities; RividError if the tables cannot be read, or span more than :data:`LONGEST` days.
+    has probabilities; RividError if the tables cannot be read, or span too many days.
     """
     refuse_parts(record, out)
     if "posterior" not in record["estimators"]:
@@ -121,24 +114,17 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
 
 @dataclass(frozen=True)
 class Joined:
-    """Results of posterior-season for n days; `direction` is "forward" or "both".
+    """Results of posterior-season for n days."""
 
-    `probability`, shape (n, D), is p(d | days); `delay` [samples] and `travel` time [s] are NaN where no
-    delay is probable enough. `sure` is the probability of the most probable delay, of a river of its rounded
-    t50; `low` and `high` [samples] are the ends of the smallest set of delays that holds 90 %. `observed`:
-    the day alone has probabilities. `related` is the probability, after the last day, that the delays of
-    consecutive days are related.
-    """
-
-    direction: str
-    probability: Floats
-    delay: Floats
-    travel: Floats
-    sure: Floats
-    low: Floats
+    direction: str  # "forward" or "both"
+    probability: Floats  # p(d | days), (n, D)
+    delay: Floats  # [samples]; NaN where no delay is probable enough
+    travel: Floats  # travel time [s]
+    sure: Floats  # probability of the most probable delay, of a river of its rounded t50
+    low: Floats  # ends of the smallest set of delays that holds 90 % [samples]
     high: Floats
-    observed: Bools
-    related: float
+    observed: Bools  # the day alone has probabilities
+    related: float  # probability, after the last day, that the delays of consecutive days are related
 
 
 def join(days: SeasonDays, both_ways: bool = False) -> Joined:
@@ -154,21 +140,20 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
             "leave it out"
         )
     n = len(days.dates)
-    p = np.empty(days.probability.shape)
-    in_set: Bools = np.empty(p.shape, bool)
-    delay, sure = np.empty((2, n))
-    observed: Bools = np.empty(n, bool)
-    related = 0.0
-    for first in range(min(days.window, n)):
-        take = slice(first, None, days.window)
-        found = season(
-            days.probability[take], None, days.discharge[take], d_min=int(days.candidates[0]),
+    parts = [np.arange(first, n, days.window) for first in range(min(days.window, n))]
+    found = [
+        season(
+            days.probability[part], None, days.discharge[part], d_min=int(days.candidates[0]),
             both_ways=both_ways,
-        )  # fmt: skip
-        p[take], in_set[take], observed[take] = found.probability, found.in_set, found.observed
-        delay[take], sure[take] = found.delay, found.sure
-        if (n - 1) % days.window == first:
-            related = 1.0 - float(found.independent[-1])
+        )
+        for part in parts
+    ]  # fmt: skip
+    order = np.argsort(np.concatenate(parts))
+    p, in_set, observed, delay, sure = (
+        np.concatenate([getattr(one, name) for one in found])[order]
+        for name in ("probability", "in_set", "observed", "delay", "sure")
+    )
+    related = 1.0 - float(found[(n - 1) % days.window].independent[-1])
     middle = days.place(p, 0.5)
     if days.river:
         delay, sure = _river_answer(days, p, middle)
@@ -222,7 +207,6 @@ observed | flag | | the day alone has probabilities
 direction | text | | `forward`: from the days before; `both`: from all days
 """)
 """season.csv and season.parquet: a row per calendar day."""
-
 LAW_SCHEMA, LAW_MEANINGS = described("""
 discharge_low_m3s | number | m3/s | lower edge of the class
 discharge_high_m3s | number | m3/s | upper edge of the class
@@ -241,29 +225,23 @@ n | whole | days | in the class
 def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> None:
     """Write season.csv, season.parquet, delay_law.csv and delay_law.json into OUT, each atomically."""
     n = len(days.dates)
-    columns: dict[str, list[Any]] = {
-        "date": list(days.dates), "reach": [days.reach] * n, "estimator": [NAME] * n,
-        "delay_samples": joined.delay.tolist(), "delay_s": joined.travel.tolist(),
-        "probability": joined.sure.tolist(), "delay_low": joined.low.tolist(),
-        "delay_high": joined.high.tolist(), "observed": joined.observed.tolist(),
-        "direction": [joined.direction] * n,
+    columns: dict[str, Any] = {
+        "date": days.dates, "reach": [days.reach] * n, "estimator": [NAME] * n, "delay_samples": joined.delay,
+        "delay_s": joined.travel, "probability": joined.sure, "delay_low": joined.low,
+        "delay_high": joined.high, "observed": joined.observed, "direction": [joined.direction] * n,
     }  # fmt: skip
     table = to_table(columns, SCHEMA)
     write_parquet(table, out / "season.parquet")
     write_csv(table, out / "season.csv")
-    classes = dict(zip(LAW_SCHEMA.names, map(np.ndarray.tolist, vars(law.table).values()), strict=True))
+    classes = dict(zip(LAW_SCHEMA.names, vars(law.table).values(), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
-    write_text(out / "delay_law.json", json.dumps(law_json(days, law), indent=2, sort_keys=True) + "\n")
-
-
-def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
-    """delay_law.json: the law in seconds and m3/s; null where there is none."""
     values = {name: v for name, v in asdict(law).items() if name != "table"}
     values["covariance"] = law.covariance.tolist() if law.status == "ok" else None
     units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
-    return finite(values) | {
+    record = finite(values) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
         "stamp_doubt_s": list(days.doubt),
         "first": str(days.dates[0]), "last": str(days.dates[-1]),
     }  # fmt: skip
+    write_text(out / "delay_law.json", json.dumps(record, indent=2, sort_keys=True) + "\n")

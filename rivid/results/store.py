@@ -1,12 +1,9 @@
 """What a run keeps in OUT: its tables, run.json, and the rows of what is done already.
 
-A row of a *segment* holds one day and estimator with its FIR and criterion as lists; the tables of OUT
-(delays, fir, criterion, posterior) are made from segments, a chunk of rows at a time.
-
-Segments are under OUT/.rivid, keyed by content. A segment is one Parquet file of a batch's rows
-(:data:`SEGMENT`). Its rename is the commit: a killed run leaves whole segments or none. A segment that fails
-its checksums is dropped, and its days are computed again. Long columns of a row, its response and its
-criterion, are read from disk in chunks, so that memory does not grow with the record.
+A *segment*, under OUT/.rivid, is a Parquet file of a batch's rows (:data:`SEGMENT`), a row per day and
+estimator with its FIR and criterion as lists. Its rename is the commit: a killed run leaves whole segments or
+none. A segment that fails its checksums is dropped, and its days are computed again. The tables of OUT are
+made from segments, a chunk of rows at a time, so that memory does not grow with the record.
 
 A run holds `lock`. Shards of one run share OUT: each holds a lock of its own, taken while it holds `lock` for
 a moment; a whole run takes `lock` and then finds no shard at work.
@@ -39,11 +36,10 @@ from rivid.errors import LockedError, RividError
 from rivid.results.read import RECORD, SCHEMA_VERSION, Results, read_json, results_of
 from rivid.types import Bools, Floats
 
-KINDS = {
+KINDS = {  # types of columns, in `described`; a clock is local time without zone
     "date": pa.date32(), "moment": pa.timestamp("ms", "UTC"), "clock": pa.timestamp("ms"),
     "text": pa.string(), "number": pa.float64(), "whole": pa.int64(), "flag": pa.bool_(),
 }  # fmt: skip
-"""Types of columns, in :func:`described`; a clock is local time without zone."""
 
 
 def described(columns: str) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
@@ -92,52 +88,39 @@ MEANINGS |= {
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
 }
 
-SEGMENT = pa.schema(
-    [
-        ("key", pa.string()),
-        *DELAYS,
-        ("fir", pa.list_(pa.float64())),
-        ("fir_sd", pa.list_(pa.float64())),
-        ("first_candidate", pa.int64()),
-        ("curve", pa.list_(pa.float64())),
-        ("start", pa.string()),
-    ]
-)
-"""Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
-candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
-day."""
-
+FLOATS = pa.list_(pa.float64())
+SEGMENT = pa.schema([
+    ("key", pa.string()), *DELAYS, ("fir", FLOATS), ("fir_sd", FLOATS), ("first_candidate", pa.int64()),
+    ("curve", FLOATS), ("start", pa.string()),
+])  # fmt: skip
+"""Rows that workers write: key, row of delays.csv, FIR, the criterion of every candidate delay (of CUSUM its
+g, of posteriors the probability), and the begin of a data set shorter than a day."""
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
-
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a cell that a spreadsheet evaluates as a formula."""
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet evaluates
 
 
-def to_table(columns: Mapping[str, "list[Any] | pa.Array"], schema: pa.Schema) -> pa.Table:
-    """A table of the schema; a column that is not given is empty, NaN becomes an empty cell."""
+def to_table(columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
+    """A table of the schema; a column that is not given, or None, is empty, NaN becomes an empty cell."""
     n = len(next(iter(columns.values()), []))
     arrays = []
     for field in schema:
         values = columns.get(field.name)
         if values is None:
             arrays.append(pa.nulls(n, field.type))
-        elif isinstance(values, pa.Array):
+        elif isinstance(values, pa.Array | pa.ChunkedArray):
             arrays.append(values)
         else:
             arrays.append(pa.array(values, field.type, from_pandas=pa.types.is_floating(field.type)))
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def lists(values: Floats, given: Bools) -> pa.Array:
+def lists(values: Floats | None, given: Bools) -> pa.Array | None:
     """A column with, as cells, the rows of `values`, shape (n, width); empty where not `given`, (n,)."""
-    flat = np.ascontiguousarray(values[given], np.float64)
-    ends = np.cumsum(given * values.shape[1]).tolist()
-    starts = [start if is_given else None for start, is_given in zip([0, *ends], given, strict=False)]
-    offsets = pa.array([*starts, ends[-1] if ends else 0], pa.int32())
-    return pa.ListArray.from_arrays(
-        offsets, pa.Array.from_buffers(pa.float64(), flat.size, [None, pa.py_buffer(flat)])
-    )
+    if values is None:
+        return None
+    offsets = np.append(0, np.cumsum(given * values.shape[1])).astype(np.int32)
+    return pa.ListArray.from_arrays(offsets, values[given].ravel(), mask=pa.array(~given))
 
 
 def finite(row: dict[str, Any]) -> dict[str, Any]:
@@ -177,11 +160,10 @@ def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)
 
 
 def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bool = False) -> None:
-    """Write the :data:`TABLES`, each atomically; posterior.parquet has the rows with probabilities.
+    """Write the :data:`TABLES`, each atomically, from rows of schema :data:`SEGMENT` in their order.
 
-    `chunks` are rows of schema :data:`SEGMENT` in the order of the tables; each becomes a row group of
-    delays.parquet. With `spread`, fir.parquet has a column `sd`, the standard deviation of the response.
-    With `starts`, every table has a column `start`.
+    With `spread`, fir.parquet has a column `sd`, the standard deviation of the response; with `starts`, every
+    table has a column `start`.
     """
     start = ["start"] if starts else []
     kept = pa.schema([SEGMENT.field(name) for name in [*DELAYS.names, *start]])
@@ -209,12 +191,9 @@ def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bo
 
 
 def _long(
-    rows: pa.Table, column: str, first: str | None, axis: str, value: str, more: Sequence[str] = ()
+    rows: pa.Table, column: str, first: str | None, axis: str, value: str, more: Sequence[str]
 ) -> pa.Table:
-    """A row per element of a list column: date, reach, estimator and `more`, axis, value.
-
-    The axis begins at `first`.
-    """
+    """A row per element of a list column: date, reach, estimator and `more`, axis from `first` on, value."""
     lists = rows[column].combine_chunks()
     lengths = pc.fill_null(pc.list_value_length(lists), 0).to_numpy(zero_copy_only=False)
     of_row = np.repeat(np.arange(len(rows)), lengths)
@@ -229,10 +208,9 @@ def _with_sd(responses: pa.Table, rows: pa.Table) -> pa.Table:
     """The long table of responses, with their standard deviations; empty where a row has none."""
     lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
     has = np.repeat(rows["fir_sd"].is_valid().to_numpy(), lengths)
-    place = whole_numbers(np.where(has, np.cumsum(has) - 1, -1))
-    given = pc.list_flatten(rows["fir_sd"]).combine_chunks()
-    where = pc.if_else(pc.less(place, 0), pa.scalar(None, pa.int64()), place)
-    return responses.append_column("sd", given.take(where))
+    sd = np.zeros(len(has))
+    sd[has] = pc.list_flatten(rows["fir_sd"]).to_numpy()
+    return responses.append_column("sd", pa.array(sd, mask=~has))
 
 
 def whole_numbers(values: NDArray[np.int64]) -> pa.Array:
@@ -282,12 +260,11 @@ def write_record(out: Path, record: dict[str, Any]) -> None:
 
 def hashes(out: Path, files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files of OUT, by their path in it."""
-    return {str(path.relative_to(out)): _hash(path) for path in sorted(files)}
-
-
-def _hash(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    found = {}
+    for path in sorted(files):
+        with open(path, "rb") as file:
+            found[str(path.relative_to(out))] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
@@ -301,14 +278,11 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 6
-"""Increased whenever the same input and settings give another row: older rows are then computed again."""
+METHOD_VERSION = 6  # raised when the same input and settings give another row: old rows are computed again
 
-SHARD_PATIENCE = 20.0
-"""Time a shard waits for others to begin [s]: each holds the lock for a moment."""
+SHARD_PATIENCE = 20.0  # time a shard waits for others to begin [s]: each holds the lock for a moment
 
-COMPACT_ABOVE = 12
-"""Segments from which a finished run merges them into one: reading many small files is slow."""
+COMPACT_ABOVE = 12  # segments from which a finished run merges them: reading many small files is slow
 
 
 def digest(*parts: Any) -> str:
@@ -317,26 +291,22 @@ def digest(*parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-CHUNK = 8192
-"""Rows in memory at a time, and rows of a row group."""
+CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
-SHORT = (
+SHORT = (  # columns in memory of all rows; of the messages, those of failed days
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
     "probability", "at_bound", "mean_inflow_m3s",
 )  # fmt: skip
-"""Columns in memory of all rows; of the messages, those of failed days."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of segments.
+    """Rows of segments."""
 
-    `table` has the columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has
-    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups.
-    """
-
+    # columns SHORT, `message` of failed days, `spread` (whether the response has one), and `unit` and `row`,
+    # where the whole row is
     table: pa.Table
-    units: tuple[tuple[Path, int], ...] = ()
+    units: tuple[tuple[Path, int], ...] = ()  # files and their row groups
 
     def __len__(self) -> int:
         return len(self.table)
@@ -347,19 +317,8 @@ class Rows:
         return bool(pc.any(self.table["spread"]).as_py())
 
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
-        """The rows of the given keys, in order of the keys and then of the estimators.
-
-        A key that several segments hold (a killed compaction) counts once: equal keys mean equal rows.
-        """
-        of_key = _place(self.table["key"], keys)
-        of_name = _place(self.table["estimator"], estimators)
-        place = of_key * len(estimators) + of_name
-        rows = np.flatnonzero((of_key >= 0) & (of_name >= 0))
-        rows = rows[np.argsort(place[rows], kind="stable")]
-        place = place[rows]
-        last = np.append(place[1:] != place[:-1], True)[: len(place)]
-        order = whole_numbers(rows[last])
-        return replace(self, table=self.table.take(order).combine_chunks())
+        """The rows of :func:`arranged`."""
+        return replace(self, table=arranged(self.table, keys, estimators))
 
     def chunks(self) -> Iterator[pa.Table]:
         """All columns of the rows in their order, :data:`CHUNK` at a time."""
@@ -367,19 +326,28 @@ class Rows:
             yield self._read(self.table.slice(start, CHUNK))
 
     def _read(self, part: pa.Table) -> pa.Table:
+        """All columns of some rows of the table."""
         units, rows = part["unit"].to_numpy(), part["row"].to_numpy()
-        order = np.lexsort((rows, units))
-        files: dict[Path, pq.ParquetFile] = {}
         tables = [SEGMENT.empty_table()]
         for unit in np.unique(units).tolist():
             path, group = self.units[unit]
-            if path not in files:
-                files = {path: _open(path)}
-            wanted = rows[order[units[order] == unit]]
-            tables.append(_cast(files[path].read_row_group(group)).take(whole_numbers(wanted)))
-        back = np.empty(len(order), np.int64)
-        back[order] = np.arange(len(order))
+            whole = _open(path).read_row_group(group).cast(SEGMENT)
+            tables.append(whole.take(whole_numbers(rows[units == unit])))
+        back = np.argsort(np.argsort(units, kind="stable"))
         return pa.concat_tables(tables).take(whole_numbers(back)).combine_chunks()
+
+
+def arranged(table: pa.Table, keys: Sequence[str], estimators: Sequence[str]) -> pa.Table:
+    """The rows of the given keys, in order of the keys and then of the estimators.
+
+    A key that several segments hold (a killed compaction) counts once: equal keys mean equal rows.
+    """
+    of_key = _place(table["key"], keys)
+    of_name = _place(table["estimator"], estimators)
+    place = of_key * len(estimators) + of_name
+    rows = np.flatnonzero((of_key >= 0) & (of_name >= 0))
+    rows = rows[np.unique(place[rows], return_index=True)[1]]
+    return table.take(whole_numbers(rows)).combine_chunks()
 
 
 def brief_results(rows: pa.Table, config: Config) -> Results:
@@ -387,30 +355,26 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
 
     Responses, curves and other columns are NaN or empty.
     """
-    for field in DELAYS:
-        if field.name not in rows.column_names:
-            rows = rows.append_column(field, pa.nulls(len(rows), field.type))
+    delays = to_table({name: rows[name] for name in rows.column_names}, DELAYS)
     columns = {"date": pa.date32(), "estimator": pa.string()}
     columns |= dict.fromkeys(("lag", "value", "delay_samples", "criterion"), pa.float64())
     nothing = pa.schema(list(columns.items())).empty_table()
     run = {
         "reach": config.reach.name,
         "sample_time": config.reach.sample_time,
-        "output_unit": "m3/s" if config.reach.kind == "river" else "m",
+        "output_unit": config.reach.output_unit,
         "delay_scale": np.nan,
         "estimators": config.run.estimators,
     }
-    return results_of(run, rows, nothing, nothing)
+    return results_of(run, delays, nothing, nothing)
 
 
 def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
     """Read the rows of all sound segments; return them and the damaged segments with the reason.
 
-    Rows with the columns of another version would not be used: their keys contain another
-    :data:`METHOD_VERSION`. They are listed without a reason.
-
-    Rows that were read `before` stay, and only segments written since are read. Every page is read once, so
-    that its checksum is verified. Nothing is changed.
+    Segments with the columns of another version are listed without a reason: their keys contain another
+    :data:`METHOD_VERSION`. Of rows that were read `before`, only segments written since are read. Every page
+    is read once, so that its checksum is verified.
     """
     if before is None:
         before = Rows(_short(SEGMENT.empty_table(), 0))
@@ -423,9 +387,10 @@ def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tu
             if file.schema_arrow.names != SEGMENT.names:
                 damaged.append((path, ""))
                 continue
-            groups = []
-            for group in range(file.num_row_groups):
-                groups.append(_short(_cast(file.read_row_group(group)), len(units) + group))
+            groups = [
+                _short(file.read_row_group(group).cast(SEGMENT), len(units) + group)
+                for group in range(file.num_row_groups)
+            ]
         except (OSError, ValueError, pa.ArrowException) as error:
             damaged.append((path, str(error)))
             continue
@@ -453,10 +418,6 @@ def _open(path: Path) -> pq.ParquetFile:
     return pq.ParquetFile(path, page_checksum_verification=True)
 
 
-def _cast(table: pa.Table) -> pa.Table:
-    return table if table.schema.equals(SEGMENT) else table.cast(SEGMENT)
-
-
 def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
     """Index of each element among the values; -1 where it is missing."""
     found = pc.index_in(column, value_set=pa.array(list(values), pa.string()))
@@ -465,21 +426,19 @@ def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
 
 def _short(whole: pa.Table, unit: int) -> pa.Table:
     """The columns of a row group that stay in memory."""
-    n = len(whole)
-    failed = pc.equal(whole["status"], "failed")
-    table = whole.select(list(SHORT))
-    message = pc.if_else(failed, whole["message"], pa.scalar(None, pa.string()))
-    table = table.append_column("message", message)
-    table = table.append_column("spread", whole["fir_sd"].is_valid())
-    table = table.append_column("unit", whole_numbers(np.full(n, unit, np.int64)))
-    return table.append_column("row", whole_numbers(np.arange(n, dtype=np.int64)))
+    n, failed = len(whole), pc.equal(whole["status"], "failed")
+    return pa.table({name: whole[name] for name in SHORT} | {
+        "message": pc.if_else(failed, whole["message"], pa.scalar(None, pa.string())),
+        "spread": whole["fir_sd"].is_valid(),
+        "unit": whole_numbers(np.full(n, unit)),
+        "row": whole_numbers(np.arange(n)),
+    })  # fmt: skip
 
 
 class Store:
     """Holds OUT for one run, or for the shard of that name: ``with Store(out) as store``.
 
-    LockedError at once, when another run holds OUT; a killed run's lock does not block: the system frees it.
-    RividError when OUT cannot be written.
+    LockedError when another run holds OUT; a killed run's lock does not block: the system frees it.
     """
 
     def __init__(self, out: Path, shard: str = "") -> None:
@@ -494,14 +453,24 @@ class Store:
     def __enter__(self) -> "Store":
         try:
             self.segments.mkdir(parents=True, exist_ok=True)
-            self._hold()
-        except Timeout:
-            raise LockedError(
-                f"another run is writing to {self.out}: wait for it, or give another --out"
-            ) from None
-        except OSError as error:
-            raise RividError(f"cannot write to {self.out}: {error.strerror}: choose another --out") from None
-        self._sweep()
+            self._lock.acquire(timeout=SHARD_PATIENCE if self.shard else 0)
+            if self.shard:  # it holds its own lock, taken while no whole run is at work
+                self._shard_lock.acquire(timeout=0)
+                self._lock.release()
+            else:
+                for path in self.root.glob("lock.*"):
+                    with FileLock(path).acquire(timeout=0):
+                        path.unlink()  # no shard can take it up: it would need `lock`
+            self._sweep()
+        except BaseException as error:
+            self._lock.release()
+            if isinstance(error, Timeout):
+                reason = f"another run is writing to {self.out}: wait for it, or give another --out"
+                raise LockedError(reason) from None
+            if isinstance(error, OSError):
+                reason = f"cannot write to {self.out}: {error.strerror}: choose another --out"
+                raise RividError(reason) from None
+            raise
         return self
 
     def _sweep(self) -> None:
@@ -511,31 +480,15 @@ class Store:
                 with suppress(OSError):  # it does no harm; the next run removes it
                     leftover.unlink(missing_ok=True)
 
-    def _hold(self) -> None:
-        """Take the lock; of a shard its own, while no whole run is at work."""
-        self._lock.acquire(timeout=SHARD_PATIENCE if self.shard else 0)
-        try:
-            if self.shard:
-                self._shard_lock.acquire(timeout=0)
-                self._lock.release()
-                return
-            for path in self.root.glob("lock.*"):
-                with FileLock(path).acquire(timeout=0):
-                    path.unlink()  # no shard can take it up: it would need `lock`
-        except BaseException:
-            self._lock.release()
-            raise
-
     def __exit__(self, *_: object) -> None:
         self._sweep()  # workers terminated after the failure of another leave what they were writing
         self._lock.release()
         self._shard_lock.release()
 
-    def known_files(self, data_dir: Path) -> dict[str, Any]:
-        """Facts on the files of DATA_DIR from the last finished run; empty where there are none."""
+    def known_files(self, data_dir: Path) -> Any:
+        """Facts on the files of DATA_DIR from the last finished run, unchecked; None where there are none."""
         known = read_json(self.root / "files.json")
-        files = known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
-        return files if isinstance(files, dict) else {}
+        return known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
 
     def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
         """Store facts on the files of DATA_DIR."""

@@ -20,22 +20,13 @@ from rivid.errors import ConfigError, RividError
 from rivid.results.store import METHOD_VERSION
 from rivid.run.workers import ESTIMATING, Engine, without_pandas
 
-PATIENCE = 10
-"""Time in which a scheduler must answer [s]."""
+PATIENCE = 10  # time in which a scheduler must answer [s]
 
-CLOSING = 5
-"""Time to wait for client and cluster to end [s]; all work is done by then: a late end is no error."""
-
-LOOK_AGAIN = 5.0
-"""Interval at which the workers of a scheduler are counted [s]."""
-
-STARTS = 3
-"""Attempts to start a cluster on this machine: a worker may be killed while it starts."""
-
-AT_LEAST = 16
-"""Least tasks offered to a standing scheduler: an adaptive cluster grows with its queue."""
-
-OURS = {
+CLOSING = 5  # time to wait for client and cluster to end [s]; all work is done: a late end is no error
+LOOK_AGAIN = 5.0  # interval at which the workers of a scheduler are counted [s]
+STARTS = 3  # attempts to start a cluster on this machine: a worker may be killed while it starts
+AT_LEAST = 16  # least tasks offered to a standing scheduler: an adaptive cluster grows with its queue
+OURS = {  # settings of a cluster on this machine
     "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
     "distributed.worker.profile.enabled": False,
     "distributed.worker.preload": list(ESTIMATING),
@@ -44,7 +35,6 @@ OURS = {
         ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
     ),
 }
-"""Settings of a cluster on this machine."""
 
 VERSION = f"{__version__}, method {METHOD_VERSION}"
 
@@ -57,8 +47,7 @@ class Dask(Engine):
     `scheduler` is the address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler
     file, ending in ``.json``. Without: a cluster on this machine of `workers` processes of one thread each,
     gone when the block ends. Dask gives up a task that killed its worker and starts another worker: there is
-    none to renew, and no task needs a worker of its own. ConfigError where dask is not installed, or the
-    scheduler file is not there.
+    none to renew, and no task needs a worker of its own.
     """
 
     draws = False  # processes of this machine do
@@ -81,14 +70,17 @@ class Dask(Engine):
         self._executor: Any = None
         self._counted = (0.0, 0)
 
-    def __enter__(self) -> "Dask":
-        return self
-
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
-        gone = self._client is not None and self._client.status != "running"
-        lost = gone and isinstance(error, CancelledError | OSError)
-        self._close(cancel=kind is not None)
-        if lost:
+        client, self._client = self._client, None
+        gone = client is not None and client.status != "running"
+        if client is not None:
+            self._executor.shutdown(wait=kind is None)
+            with suppress(TimeoutError):
+                client.close(timeout=CLOSING)
+        if self._cluster is not None:  # also one that no client has reached
+            with suppress(TimeoutError):
+                self._cluster.close(timeout=CLOSING)
+        if gone and isinstance(error, CancelledError | OSError):
             raise RividError(
                 f"the scheduler {self.scheduler or 'of this machine'} went away: what is done is kept, "
                 "the same command goes on from there"
@@ -151,16 +143,6 @@ class Dask(Engine):
         raise RividError(
             f"Dask's workers did not begin ({why}): give fewer --workers, or leave --engine dask out"
         ) from why
-
-    def _close(self, cancel: bool) -> None:
-        client, self._client = self._client, None
-        if client is not None:
-            self._executor.shutdown(wait=not cancel)
-            with suppress(TimeoutError):
-                client.close(timeout=CLOSING)
-        if self._cluster is not None:  # also one that no client has reached
-            with suppress(TimeoutError):
-                self._cluster.close(timeout=CLOSING)
 
 
 def _execute(version: str, own: bool, call: bytes) -> Any:

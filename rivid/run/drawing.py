@@ -16,18 +16,16 @@ if TYPE_CHECKING:
     from rivid.plots.files import FigureFile
     from rivid.results.read import Results
 
-MOST_PAINTERS = 4
-"""Most processes that draw: there are a few figures only, and each process reads the results itself."""
+MOST_PAINTERS = 4  # processes that draw: there are few figures, and each process reads the results itself
 
 
 def draw_with(
     engine: Engine, out: Path, summary: Mapping[str, Any], day: dt.date | None = None
 ) -> list[Path]:
-    """Draw all figures with an engine's workers, which see OUT, then the report; return the files written.
+    """Draw all figures with an engine's workers, which see OUT, then the report; return the files, it last.
 
-    The tables and run.json of OUT are written; `summary` is the latter, for the report, and the last of the
-    files. `day` is that of the impulse responses, a typical one by default. RividError if a file cannot be
-    written, ConfigError if no estimator has a response on `day`.
+    `summary` is run.json; `day` is that of the impulse responses, a typical one by default: ConfigError if no
+    estimator has a response on it.
     """
     try:
         # once for each worker, so that all read the results now

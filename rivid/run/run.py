@@ -1,9 +1,7 @@
 """A run: plan the data sets, estimate what is new, and bring tables, figures, report and run.json up to date.
 
-:func:`estimate_batch` is a pure function: the same batch gives the same rows, and a day the same row in any
-batch. A worker writes the segment of its batch itself, so that rows never travel between processes and
-finished batches are kept. A killed worker costs only its batch, which is halved until the day that kills is
-alone and failed.
+A day has the same row in any batch. A worker writes the segment of its batch itself, so that rows never
+travel between processes and finished batches are kept.
 """
 
 import datetime as dt
@@ -36,11 +34,8 @@ from rivid.run.drawing import MOST_PAINTERS, draw_with
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes, warm
 from rivid.types import Bools, Floats
 
-BLOCK = 32
-"""Consecutive days of one shard: neighbours share files and windows."""
-
-MOST = 100_000
-"""Most shards of a run."""
+BLOCK = 32  # consecutive days of one shard: neighbours share files and windows
+MOST = 100_000  # most shards of a run
 
 
 @dataclass(frozen=True)
@@ -76,69 +71,59 @@ class Shard:
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run beyond its configuration; of `first` to `last`, both included, days are estimated.
+    """Options of a run beyond its configuration."""
 
-    `workers`: by default as many as pay off. `force` estimates again data sets that are done already,
-    `verify` hashes every file, also where its size and times are unchanged. `figures` draws figures and
-    report. `today` replaces today's date. With `shard`, this part of the days is estimated only, and tables
-    and figures are left to the run that follows. More than `most_new` new days are refused.
-    """
-
-    workers: int | None = None
-    first: dt.date | None = None
-    last: dt.date | None = None
-    force: bool = False
-    verify: bool = False
-    figures: bool = True
-    today: dt.date | None = None
-    shard: Shard | None = None
-    most_new: int | None = None
+    workers: int | None = None  # by default as many as pay off
+    first: dt.date | None = None  # days from here
+    last: dt.date | None = None  # to here, both included, are estimated
+    force: bool = False  # estimate again what is done already
+    verify: bool = False  # hash every file, also where its size and times are unchanged
+    figures: bool = True  # draw figures and report
+    today: dt.date | None = None  # in place of today's date
+    shard: Shard | None = None  # estimate this part of the days; the run that follows writes the tables
+    most_new: int | None = None  # refuse more new days
 
 
 @dataclass(frozen=True)
 class Window:
-    """A data set to read: last date, logs, key of content and settings, missing days, key of content.
+    """A data set to read."""
 
-    `span` is that of a data set shorter than a day, `start` its local begin (ISO 8601).
-    """
-
-    date: dt.date
+    date: dt.date  # the last one
     sources: tuple[DaySource, ...]
-    key: str
+    key: str  # of content and settings
     missing: tuple[dt.date, ...] = ()
-    content: str = ""
-    span: Span | None = None
-    start: str | None = None
+    content: str = ""  # key of the content alone
+    span: Span | None = None  # of a data set shorter than a day
+    start: str | None = None  # its local begin (ISO 8601)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The data sets of DATA_DIR, those selected by the options, and the current date or time."""
+    """The data sets of DATA_DIR, and the current date or time."""
 
     catalog: Catalog
     windows: list[Window]
-    asked: list[Window]
+    asked: list[Window]  # those selected by the options
     now: dt.date | dt.datetime
 
 
 def make_plan(
-    data_dir: Path,
-    config: Config,
-    options: Options,
-    known: dict[str, Any] | None = None,
-    engine: Engine | None = None,
+    data_dir: Path, config: Config, options: Options, known: Any = None, engine: Engine | None = None
 ) -> Plan:
-    """Find the days of DATA_DIR and make windows of them.
+    """Find the days of DATA_DIR and make windows of them; where much is new, the engine's workers read it.
 
-    `known` are the files seen by the last finished run, to avoid hashing them. Where much is new, the workers
-    of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
-    selected; ConfigError if the logs lack columns that the configuration names.
+    `known` are the files seen by the last finished run, to avoid hashing them. NoDataError if there is no
+    log, no whole window, or none between the dates selected; ConfigError if the logs lack columns.
     """
     facts: dict[str, FileFacts] = {}
     with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
         facts = {path: FileFacts(**value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
-        facts |= _looked_ahead(logs.unread(data_dir, facts), config, engine)
+        paths = logs.unread(data_dir, facts)
+        large = sum(path.stat().st_size for path in paths) >= LISTED_HERE
+        if large and engine.slots > 1:  # in this order: a finished run contacts no scheduler
+            tasks = ((logs.look_ahead, path, config) for path in paths)
+            facts |= {task[1].name: found for task, found, _ in each(tasks, engine) if found is not None}
     catalog = logs.find_days(data_dir, config, facts, verify=options.verify)
     logs.refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
@@ -192,18 +177,8 @@ def _spans(
     return [(span, f"{moment:%Y-%m-%dT%H:%M:%S.%f}") for span, moment in zip(spans, begin, strict=True)]
 
 
-def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str, FileFacts]:
-    """Facts of new files of many days, found by all workers; none where the files are few."""
-    few = sum(path.stat().st_size for path in paths) < LISTED_HERE
-    if few or engine.slots == 1:  # in this order: a finished run contacts no scheduler
-        return {}
-    tasks = ((logs.look_ahead, path, config) for path in paths)
-    return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
-
-
 Done = Callable[[int], None]
-Refused = tuple[int, int, DataError]
-"""A row without an estimate: number of its window and of its estimator, and the reason."""
+Refused = tuple[Window, str, DataError]  # a row without an estimate: window, estimator, reason
 
 
 @dataclass(frozen=True)
@@ -219,35 +194,31 @@ class Batch:
 def estimate_batch(batch: Batch) -> pa.Table:
     """Read and estimate every window of a batch: a row of schema SEGMENT per window and estimator."""
     config, names = batch.config, batch.config.run.estimators
-    alike: dict[tuple[int, bool], list[tuple[int, DataSet]]] = defaultdict(list)
+    alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
     refused: list[Refused] = []
-    order: list[int] = []  # of the rows, those that are refused last
-    for at, window in enumerate(batch.windows):
+    for window in batch.windows:
         try:
             data = _read(batch, window)
         except DataError as error:
-            refused += [(at, k, error) for k in range(len(names))]
+            refused += [(window, name, error) for name in names]
         else:
-            alike[len(data.inflow), data.outflow is None].append((at, data))
+            alike[len(data.inflow), data.outflow is None].append((window, data))
     tables = []
     with threadpool_limits(1):
-        for group in alike.values():
-            places = [at for at, _ in group]
-            sets = [data for _, data in group]
-            days, shared, notes = _measured([batch.windows[at] for at in places], sets, config)
-            for k, (name, estimator) in enumerate(build(config).items()):
-                if len(sets[0].inflow) < estimator.min_samples:
+        for (n, _), group in alike.items():
+            windows = [window for window, _ in group]
+            days, shared, notes = _measured(windows, [data for _, data in group], config)
+            for name, estimator in build(config).items():
+                if n < estimator.min_samples:
                     reason = DataError(
-                        f"{len(sets[0].inflow)} samples are too few for {estimator.needed_for}: "
+                        f"{n} samples are too few for {estimator.needed_for}: "
                         f"lower {estimator.key}, or {config.run.lengthen}"
                     )
-                    refused += [(at, k, reason) for at in places]
-                    continue
-                order += [at * len(names) + k for at in places]
-                tables.append(_rows(days, shared, notes, config, name, estimator))
-    order += [at * len(names) + k for at, k, _ in refused]
-    tables.append(_refused(batch, refused))
-    return pa.concat_tables(tables).take(store.whole_numbers(np.argsort(order))).combine_chunks()
+                    refused += [(window, name, reason) for window in windows]
+                else:
+                    tables.append(_rows(days, shared, notes, config, name, estimator))
+    tables.append(_refused(refused, config))
+    return store.arranged(pa.concat_tables(tables), [window.key for window in batch.windows], names)
 
 
 def _read(batch: Batch, window: Window) -> DataSet:
@@ -262,11 +233,10 @@ def _read(batch: Batch, window: Window) -> DataSet:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
 
-def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
+def _refused(refused: Sequence[Refused], config: Config) -> pa.Table:
     """Rows without an estimate, and the reason."""
-    windows = [batch.windows[at] for at, _, _ in refused]
-    columns = _named(windows, batch.config) | {
-        "estimator": [batch.config.run.estimators[k] for _, k, _ in refused],
+    columns = _named([window for window, _, _ in refused], config) | {
+        "estimator": [name for _, name, _ in refused],
         "status": ["pending" if isinstance(reason, PendingError) else "failed" for _, _, reason in refused],
         "message": [printable(" ".join(str(reason).split())[:500]) for _, _, reason in refused],
     }
@@ -289,8 +259,9 @@ def _measured(
     reach = config.reach
     inflow = np.stack([data.inflow for data in sets])
     output = np.stack([data.output for data in sets])
-    outflow = [data.outflow for data in sets if data.outflow is not None]  # all of a group, or none
-    days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
+    logged = [data.outflow for data in sets if data.outflow is not None]  # all of a group, or none
+    outflow = np.stack(logged) if logged else None
+    days = Days.of(inflow, output, outflow, config.run.min_motion)
     notes = [[data.notes] if data.notes else [] for data in sets]
     mean_inflow = inflow.mean(axis=1)
     level = output.mean(axis=1) if reach.kind == "pool" else np.full(len(sets), np.nan)
@@ -299,8 +270,7 @@ def _measured(
             notes[i].append(
                 f"mean level {level[i]:.2f} m is not above [reach] bed_level: depth of [reach] taken"
             )
-    discharge = np.stack(outflow).mean(axis=1) if outflow else mean_inflow
-    bounds = reach.bounds(discharge, level)
+    bounds = reach.bounds(mean_inflow if outflow is None else outflow.mean(axis=1), level)
     return days, _named(windows, config) | {
         "n_samples": [len(data.inflow) for data in sets],
         "n_filled": [data.n_filled for data in sets],
@@ -313,15 +283,11 @@ def _measured(
 
 
 def _rows(
-    days: Days,
-    shared: dict[str, Any],
-    notes: list[list[str]],
-    config: Config,
-    name: str,
-    estimator: Prepared,
+    days: Days, shared: dict[str, Any], notes: list[list[str]], config: Config, name: str, estimator: Prepared
 ) -> pa.Table:
     """The rows of one estimator on data sets of one length."""
     answer, reach, n = estimator.estimate(days), config.reach, len(days.u)
+    identified = np.asarray(answer.status != "unidentifiable", bool)
 
     def given(values: Floats | None) -> Floats:
         return np.full(n, np.nan) if values is None else values
@@ -339,16 +305,13 @@ def _rows(
         "roughness_sd": np.sqrt(given(answer.roughness_variance)),
         "iterations": np.zeros(n, np.int64) if answer.iterations is None else answer.iterations,
         "message": ["; ".join(_notes(i, notes[i], answer, days, config, name, estimator)) for i in range(n)],
+        "fir": store.lists(answer.fir, identified),
+        "fir_sd": store.lists(answer.fir_sd, identified),
     }
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
-        columns[column] = given(getattr(answer, column))
-    identified: Bools = np.asarray(answer.status != "unidentifiable")
-    if answer.fir is not None:
-        columns["fir"] = store.lists(answer.fir, identified)
-        if answer.fir_sd is not None:
-            columns["fir_sd"] = store.lists(answer.fir_sd, identified)
-        if reach.kind == "river":
-            columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
+        columns[column] = getattr(answer, column)
+    if answer.fir is not None and reach.kind == "river":
+        columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
     outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
     at_bound, known = outside, outside
     if answer.candidates is not None and answer.curve is not None:
@@ -410,11 +373,7 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
 
 
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate batches as workers become free and write their segments, in a directory that all workers see.
-
-    `done` is called with the number of windows of each batch that is finished. RividError if a worker does
-    not see DATA_DIR or OUT.
-    """
+    """Estimate batches as workers become free; `done` is called with the windows of each finished one."""
     for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
         if lost:
             _alone(batch, segments, engine, done)
@@ -423,10 +382,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 
 
 def work(batch: Batch, segments: Path) -> None:
-    """Estimate a batch and write its segment, in a worker.
-
-    RividError if it does not see the directory of the logs or of the segments: a lost disk is no failed day.
-    """
+    """Estimate a batch and write its segment, in a worker; a lost disk is a RividError and no failed day."""
     for place in (batch.root, segments):
         if not place.exists():
             raise RividError(
@@ -437,7 +393,7 @@ def work(batch: Batch, segments: Path) -> None:
 
 
 def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate alone a batch during which a worker died; halve it while it kills its worker."""
+    """Estimate alone a batch during which a worker died; halve it until the day that kills is alone."""
     try:
         with engine.one() as single:
             single.submit(work, batch, segments).result()
@@ -445,8 +401,8 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
     except engine.died:
         if len(batch.windows) == 1:
             reason = DataError("the worker process died on this day (out of memory?)")
-            rows: list[Refused] = [(0, k, reason) for k in range(len(batch.config.run.estimators))]
-            store.write_segment(segments, _refused(batch, rows))
+            rows: list[Refused] = [(batch.windows[0], name, reason) for name in batch.config.run.estimators]
+            store.write_segment(segments, _refused(rows, batch.config))
             done(1)
             return
         middle = len(batch.windows) // 2
@@ -454,17 +410,11 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
             _alone(replace(batch, windows=windows), segments, engine, done)
 
 
-LEAST_BATCH, BATCH_DAYS = 128, 366
-"""Least and most days of a batch: enough to be worth a file, and a year, so that one worker reads its log."""
-
-BATCHES_EACH = 4
-"""Batches for each worker, so that all end at about the same time."""
-
-ONE_PROCESS_BELOW = 1000
-"""New days below which starting worker processes takes longer than the estimates themselves."""
-
-LISTED_HERE = 10 << 20
-"""Bytes of new files of many days that one process reads: workers take as long to start."""
+LEAST_BATCH = 128  # least days of a batch: enough to be worth a file
+BATCH_DAYS = 366  # most days: one worker reads a log of a year
+BATCHES_EACH = 4  # batches for each worker, so that all end at about the same time
+ONE_PROCESS_BELOW = 1000  # new days: starting worker processes takes longer than to estimate fewer
+LISTED_HERE = 10 << 20  # bytes of new files that this process reads: workers take as long to start
 
 
 class TooManyError(RividError):
@@ -473,32 +423,22 @@ class TooManyError(RividError):
 
 @dataclass
 class Summary:
-    """Counts and short rows of a run.
-
-    `rows` are all rows of OUT in their order, or those of the shard: columns
-    :data:`rivid.results.store.SHORT`, and `message` where a day failed. `windows` data sets are in DATA_DIR;
-    `computed_keys` of them were estimated in this run, `asked_keys` were selected by its options, `reused`
-    were taken over from earlier runs; `dropped` of earlier runs have no logs any more, as OUT mirrors
-    DATA_DIR. `counts` has the rows per estimator and status. `new_failures` and `new_bad_files` are those of
-    `failures` (days) and `bad_files` (path, reason) that no finished run has reported. `damaged` segments
-    were dropped. `unasked` estimators of the run before are no longer configured: their rows leave the
-    tables.
-    """
+    """Counts and short rows of a run."""
 
     out: Path
-    rows: pa.Table
-    windows: int
-    computed_keys: set[str]
-    asked_keys: set[str]
-    reused: int
-    dropped: int
-    failures: int
-    new_failures: int
-    counts: dict[str, dict[str, int]]
-    bad_files: list[tuple[str, str]]
-    new_bad_files: list[tuple[str, str]]
-    damaged: list[str]
-    unasked: list[str]
+    rows: pa.Table  # of OUT in their order, or of the shard: `store.SHORT`, and `message` where a day failed
+    windows: int  # data sets in DATA_DIR
+    computed_keys: set[str]  # estimated in this run
+    asked_keys: set[str]  # selected by its options
+    reused: int  # taken over from earlier runs
+    dropped: int  # days of earlier runs without logs: OUT mirrors DATA_DIR
+    failed: list[str]  # content keys of days
+    new_failures: int  # of these, that no finished run has reported
+    counts: dict[str, dict[str, int]]  # rows per estimator and status
+    bad_files: list[tuple[str, str]]  # path and reason
+    new_bad_files: list[tuple[str, str]]  # of these, that no finished run has reported
+    damaged: list[str]  # segments that were dropped
+    unasked: list[str]  # estimators that are no longer configured: their rows leave the tables
     seconds: float = 0.0
 
     @property
@@ -512,6 +452,11 @@ class Summary:
         """Data sets estimated in this run."""
         return len(self.computed_keys)
 
+    @property
+    def failures(self) -> int:
+        """Days that failed."""
+        return len(self.failed)
+
 
 def run(
     data_dir: Path,
@@ -523,11 +468,9 @@ def run(
 ) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
 
-    With a shard, its days are estimated and stored, and nothing else of OUT is changed. ``progress(total)``
-    returns a context; its value is called with each number of finished days. The `engine` executes batches,
-    by default as many processes as pay off; figures are drawn by processes of this machine, also where a
-    cluster estimates. If the run cannot begin, nothing has been computed when one of NoDataError,
-    LockedError, ConfigError and RividError is raised.
+    With a shard, its days are estimated and stored, and nothing else of OUT is changed. The `engine` executes
+    batches, by default as many processes as pay off; figures are drawn by processes of this machine, also
+    where a cluster estimates. NoDataError, LockedError, ConfigError or RividError if the run cannot begin.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     painters = min(options.workers or cores(), MOST_PAINTERS)
@@ -558,7 +501,7 @@ def run(
                     run_batches(batches, held.segments, estimating, done)
         windows = planned.asked if options.shard else planned.windows
         rows = (held.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
-        summary, failed = _summarise(rows, planned, new, kept, config, before, held)
+        summary = _summarise(rows, planned, new, kept, config, before, held)
         if not options.shard:
             keys = store.hash_of(rows.table)
             content = store.digest(keys, config.as_used(), summary.bad_files, SCHEMA_VERSION)
@@ -570,7 +513,7 @@ def run(
                     "reused": summary.reused,
                     "counts": summary.counts,
                     "bad_files": summary.bad_files,
-                    "failed": failed,
+                    "failed": summary.failed,
                 }
                 files = _write(out, rows, now, before, began, options, engine, painters)
                 store.write_record(out, now | {"content": content, "outputs": store.hashes(out, files)})
@@ -632,20 +575,22 @@ def _summarise(
     config: Config,
     before: dict[str, Any],
     held: Store,
-) -> tuple[Summary, list[str]]:
-    """The summary, and the content keys of the days that failed."""
+) -> Summary:
     table = rows.table
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
-    estimators = before.get("estimators")
-    known = estimators if isinstance(estimators, list) else []  # of a file that users may have edited
+    # users may have edited the record of the run before
+    reported, known_bad, known = (
+        value if isinstance(value := before.get(key), list) else []
+        for key in ("failed", "bad_files", "estimators")
+    )
     counts: dict[str, dict[str, int]] = {}
     for name in pc.unique(table["estimator"]).to_pylist():
         of = table["status"].filter(pc.equal(table["estimator"], name))
         counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
     failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
     failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
-    summary = Summary(
+    return Summary(
         out=held.out,
         rows=table,
         windows=len(planned.windows),
@@ -653,15 +598,14 @@ def _summarise(
         asked_keys={w.key for w in planned.asked},
         reused=len(pc.unique(table["key"])) - len(new),
         dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
-        failures=len(failed),
-        new_failures=len(set(failed) - set(before.get("failed", []))),
+        failed=failed,
+        new_failures=len(set(failed).difference(map(str, reported))),
         counts=counts,
         bad_files=bad_files,
-        new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
+        new_bad_files=[b for b in bad_files if list(b) not in known_bad],
         damaged=held.damaged,
         unasked=[str(name) for name in known if str(name) not in config.run.estimators],
     )
-    return summary, failed
 
 
 def _write(
@@ -683,7 +627,5 @@ def _write(
         (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
         return files
     store.write_record(out, now | store.UNFINISHED | {"failed": before.get("failed", [])})
-    if engine is not None and engine.draws:
-        return files + draw_with(engine, out, now)
-    with processes(painters, DRAWING) as painting:
+    with nullcontext(engine) if engine and engine.draws else processes(painters, DRAWING) as painting:
         return files + draw_with(painting, out, now)

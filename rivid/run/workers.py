@@ -1,16 +1,9 @@
 """Engines that execute tasks: worker processes of this machine, or this process; one path, the same rows.
 
-An :class:`Engine` executes so many tasks at a time and reports a worker that died. Nothing heavy is imported
-here: worker processes can be started before this process imports what it needs itself.
-
-Three measures are specific to worker processes:
-
-- They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this process
-  imports (0.4 s) and estimates (:func:`warm`).
-- A worker ends with the command, also where the command is killed (:func:`_end_with_parent`). Without it, all
-  workers of a killed command still ran after 20 s.
-- pyarrow does not import pandas (:func:`without_pandas`), which takes 0.3 s of processor time (median of 9
-  runs on a week of logs).
+Nothing heavy is imported here: worker processes can be started before this process imports what it needs
+itself. They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this
+process imports (0.4 s) and estimates (:func:`warm`). A worker ends with the command, also where the command
+is killed (:func:`_end_with_parent`). Pyarrow does not import pandas (:func:`without_pandas`): 0.3 s.
 """
 
 import gc
@@ -20,33 +13,23 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from multiprocessing import get_context, parent_process
 from typing import Any
 
-ESTIMATING = ("rivid.run.run",)
-"""Modules of a worker that estimates batches."""
+ESTIMATING = ("rivid.run.run",)  # modules of a worker that estimates batches
 
-DRAWING = (
-    "rivid.run.drawing",
-    "rivid.results.read",
-    "rivid.report.build",
-    "jinja2",
-    "rivid.plots.draw",
-    "pyarrow.compute",
-    "pyarrow.parquet",
-)
-"""Modules of a worker that draws figures."""
+DRAWING = (  # those of one that draws figures
+    "rivid.run.drawing", "rivid.results.read", "rivid.report.build", "jinja2", "rivid.plots.draw",
+    "pyarrow.compute", "pyarrow.parquet",
+)  # fmt: skip
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
-"""A progress bar: called with the total, it gives a context; the value of that is called with each
-number done."""
-
-IN_FLIGHT = 2
-"""Tasks submitted per worker: while one runs, the next is at hand."""
+"""A progress bar: called with the total, it gives a context; its value is called with each number done."""
+IN_FLIGHT = 2  # tasks submitted per worker: while one runs, the next is at hand
 
 
-class Engine:
+class Engine(AbstractContextManager["Engine"]):
     """Executes tasks, `slots` at a time; this one in this process alone.
 
     A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then starts new
@@ -70,10 +53,12 @@ class Engine:
     def renew(self) -> None:
         """Replace the workers after one died."""
 
-    @contextmanager
-    def one(self) -> Iterator["Engine"]:
+    def one(self) -> AbstractContextManager["Engine"]:
         """An engine of a single worker, for a task that may kill it."""
-        yield self
+        return nullcontext(self)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
+        """End the workers, at once after an error."""
 
 
 class Processes(Engine):
@@ -92,9 +77,6 @@ class Processes(Engine):
     @property
     def slots(self) -> int:
         return self.workers
-
-    def __enter__(self) -> "Processes":
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._close(at_once=kind is not None)
@@ -115,11 +97,9 @@ class Processes(Engine):
         """Terminate the remaining workers; the next task starts new ones."""
         self._close(at_once=True)
 
-    @contextmanager
-    def one(self) -> Iterator[Engine]:
+    def one(self) -> Engine:
         """A worker apart from the others."""
-        with Processes(1, self.modules) as engine:
-            yield engine
+        return Processes(1, self.modules)
 
     def _close(self, at_once: bool) -> None:
         pool, self._pool = self._pool, None
@@ -131,15 +111,15 @@ class Processes(Engine):
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractContextManager[Engine]:
+def processes(workers: int, modules: Sequence[str]) -> Engine:
     """An engine of so many worker processes; for one, this process."""
-    return Processes(workers, modules) if workers > 1 else nullcontext(Engine())
+    return Processes(workers, modules) if workers > 1 else Engine()
 
 
 def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:
-    """Execute tasks (function, argument, ...), :data:`IN_FLIGHT` per worker, and yield them as they finish.
+    """Execute tasks (function, argument, ...), and yield each as it finishes, with its result.
 
-    Yields the task, its result, and whether it was lost: a worker died during it, perhaps because of it.
+    The third value is whether it was lost: a worker died during it, perhaps because of it.
     """
     coming, under_way = iter(tasks), dict[Future[Any], tuple[Any, ...]]()
     while True:
@@ -185,30 +165,20 @@ def warm(modules: Sequence[str]) -> None:
 
     forkserver.set_forkserver_preload(list(modules))
     resource_tracker.ensure_running()  # starting it unblocks SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C goes to all processes
-    try:
-        with _same_path():
-            forkserver.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _same_path() -> Iterator[None]:
-    """Let a process started now import from the same places as this one, and not from the current directory.
-
-    Otherwise a folder `rivid` or a module of another name in the current directory would be imported.
-    """
+    # it imports from the same places as this process, and not from the current directory, where a folder
+    # `rivid` or a module of another name would be taken
     path = os.pathsep.join(os.path.abspath(place) for place in sys.path)
     given = {"PYTHONPATH": path, "PYTHONSAFEPATH": "1"}
     before = {name: os.environ[name] for name in given if name in os.environ}
+    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C goes to all processes
     os.environ.update(given)
     try:
-        yield
+        forkserver.ensure_running()
     finally:
         for name in given:
-            os.environ.pop(name, None)
+            del os.environ[name]
         os.environ.update(before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
 
 
 def _begin() -> None:
@@ -239,10 +209,9 @@ class _NoPandas:
 
 
 def without_pandas() -> None:
-    """Keep pyarrow from importing pandas when it makes its first array.
+    """Keep pyarrow from importing pandas, to recognise a Series, when it makes its first array.
 
-    It does so to recognise a Series; a run has none. ``import pandas`` still works afterwards, only pyarrow
-    treats it as absent. Does nothing where pandas is loaded already.
+    ``import pandas`` still works afterwards; where it is loaded already, nothing is done.
     """
     if "pandas" in sys.modules:
         return

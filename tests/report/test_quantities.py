@@ -32,7 +32,10 @@ AMPLITUDE = Estimate("amplitude", 6.0412, "m3/s", 5.83, 6.25)
             {
                 (
                     "20 pulses of 14.9 m3/s in 3 h at 298 m3/s",
-                ): "20 pulses of 14.9\u00a0m³/s in 3\u00a0h at 298\u00a0m³/s"
+                ): "20 pulses of 14.9\u00a0m³/s in 3\u00a0h at 298\u00a0m³/s",
+                (
+                    "in brackets 90 %, 2 samples of 90 s",
+                ): "in brackets 90\u00a0%, 2\u00a0samples of 90\u00a0s",
             },
         ),
         (q.percent, {(0.864,): "86 %", (-0.12,): "-12 %", (-0.001,): "0 %", (math.nan,): "–"}),

@@ -153,6 +153,18 @@ def test_a_broken_note_of_files_is_no_obstacle(data, tmp_path):
         assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
 
 
+def test_an_edited_record_is_no_obstacle(data, tmp_path):
+    out = tmp_path / "out"
+    (data / "bad.csv").write_text("no,log\n1,2\n")
+    words = ("run", data, "--out", out, "--no-figures")
+    assert rivid(*words)[0] == 3
+    record = json.loads((out / "run.json").read_text())
+    for damage in (None, 5, {}):
+        edited = record | dict.fromkeys(("failed", "bad_files", "estimators"), damage)
+        (out / "run.json").write_text(json.dumps(edited))
+        assert rivid(*words)[0] == 3, "no run has reported the bad file"
+
+
 def test_a_file_name_that_is_not_utf8_is_no_obstacle(data, tmp_path):
     with open(os.fsencode(data) + b"/d\xe9bit.csv", "wb") as file:
         file.write(b"x\n")
