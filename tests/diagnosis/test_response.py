@@ -56,7 +56,7 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
-    """Regression: the steps of the solver depended on the parameters: slopes of single days were too large."""
+    """Regression: the steps of the solver depended on the parameters, and some days had too large slopes."""
     record = season(seed, days=4)
     response = nominal(record, cells=24)
     rng = np.random.default_rng(seed)
