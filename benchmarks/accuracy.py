@@ -1,5 +1,6 @@
 """Compare the accuracy of the estimators with baselines, on simulated years with known delays.
- Writes docs/accuracy.md. Three reaches with several seeds each are estimated with the paper's settings and
+
+Writes docs/accuracy.md. Three reaches with several seeds each are estimated with the paper's settings and
 with sigma_d, d_max and M from the reach's own hydraulics. There are two baselines: always the prior's mode,
 and the same estimator on shuffled days (u of one day, y of another), which contain no delay.
 

@@ -1,5 +1,6 @@
 """Measure time, memory and simulations of `rivid diagnose` on hard cases and on a library of candidates.
- Each case runs in a process of its own, ``python -m benchmarks.diagnosis TASK LOGS RESULT``, which receives
+
+Each case runs in a process of its own, ``python -m benchmarks.diagnosis TASK LOGS RESULT``, which receives
 logs and a configuration. Counts and shares of time come from functions that the process wraps.
 """
 

@@ -1,7 +1,8 @@
 """Check the report page of a run in a browser: wide, narrow, dark, enlarged and printed.
 
 Usage: python -m benchmarks.page_pictures OUT [--keep PICTURE.png] [--into FOLDER]
- OUT is the folder of `rivid run`. The check fails if the page requests another file, logs to the console, is
+
+OUT is the folder of `rivid run`. The check fails if the page requests another file, logs to the console, is
 wider than a narrow screen, has text of low contrast, does not enlarge its figures, or prints a figure across
 two pages.
 """

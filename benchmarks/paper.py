@@ -1,5 +1,6 @@
 """Compare the paper's claims with the sample year; write docs/paper.md and docs/pictures/paper_*.png.
- Every number is measured here. A claim holds or not by a condition on the measured values. If it does not
+
+Every number is measured here. A claim holds or not by a condition on the measured values. If it does not
 hold, other simulated worlds show whether the year or the method is the reason.
 
 Usage: python -m benchmarks.paper [--seeds N]

@@ -1,5 +1,6 @@
 """Measure the sensitivity to settings and world: share of days within one sample; write docs/sensitivity.md.
- One thing is changed at a time, on simulated years with known delays. The estimator of Table VI is compared
+
+One thing is changed at a time, on simulated years with known delays. The estimator of Table VI is compared
 with the same without its prior on d (uniform, alpha estimated), with alpha fixed, and with Table VI on
 shuffled days, which contain no delay. The gain over those is the result of the estimator.
 

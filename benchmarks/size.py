@@ -1,5 +1,6 @@
 """Measure the size of the project: ``python -m benchmarks.size [CHECKOUT]`` prints a table.
- Code lines are those without blanks, comments and docstrings. Result types are dataclasses and named tuples.
+
+Code lines are those without blanks, comments and docstrings. Result types are dataclasses and named tuples.
 The files of a day's log are the modules of rivid/ in which a function runs between the start of a run of one
 day of sample_data and its tables, in one process and without figures.
 """

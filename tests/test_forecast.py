@@ -68,7 +68,7 @@ def cut(series, now):
 
 
 def test_bands_hold_as_often_as_they_state():
-    """Origins of 3 rivers not used for the coefficients; a day counts as one, as its errors are correlated."""
+    """Origins of 3 rivers not used for the coefficients. A day counts as one: its errors are correlated."""
     inside, origins = [], 0
     for seed in (2, 3, 4):
         reach, series = long_river(seed, days=75)

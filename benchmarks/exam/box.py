@@ -1,5 +1,6 @@
 """Solve Saint-Venant by an implicit box scheme in compound sections, without the hydraulics of `rivid.reach`.
- The scheme is Preissmann's. Levels z and discharges Q are at the nodes, both at the same times. A box of
+
+The scheme is Preissmann's. Levels z and discharges Q are at the nodes, both at the same times. A box of
 length dx and time step dt has the weight `THETA` in time and one half in space. A section is a main channel
 with sloping banks and, above the bankfull depth, a floodplain; the conveyances of the two add. Newton's steps
 are solved by a double sweep, since the discharge is given at both ends.

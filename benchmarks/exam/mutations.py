@@ -1,5 +1,6 @@
 """Remove parts of the diagnosis one at a time: the exam must fail each time.
- The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. If no share is
+
+The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. If no share is
 refused under a mutation, either the removed part is not needed or the exam does not test it.
 
 Usage: python -m benchmarks.exam.mutations [--only MUTATION ...] [--seeds A:B]

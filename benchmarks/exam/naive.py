@@ -1,7 +1,8 @@
 """Name effects by a naive regression: least squares of level differences on flows and candidates.
 
     h[k+1] - h[k] = a + b Qi[k - d] - c Qo[k] + g x[k] + e[k]
- for each candidate x, as if the measured regressors had no errors and e no memory. Candidates with |t| above
+
+for each candidate x, as if the measured regressors had no errors and e no memory. Candidates with |t| above
 3.3 are named. Operators hold the level by the outflow, so level and unexplained inflow are correlated, and
 the regression finds leaks that do not exist. The exam must refuse this method.
 """

@@ -1,7 +1,8 @@
 """Simulate a free river for the exam: a cascade of reservoirs, each with the storage of a wide channel.
 
     dS/dt = inflow - Q,   S = area(Q) length / N,   area = usual area (Q / usual flow)^0.6
- The diagnosis fits another model, a diffusive wave. Source: Kalinin and Milyukov (1957) for the reservoirs;
+
+The diagnosis fits another model, a diffusive wave. Source: Kalinin and Milyukov (1957) for the reservoirs;
 the exponent is that of Manning's equation in a wide channel.
 """
 

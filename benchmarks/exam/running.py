@@ -1,5 +1,6 @@
 """Run the exam: hide effects in a season, diagnose it, and store the answer with the truth.
- The judging process holds the truth of a season in its memory. The diagnosis runs in another process, which
+
+The judging process holds the truth of a season in its memory. The diagnosis runs in another process, which
 receives only logs and a configuration. A result, with truth and answer, is appended as one line of JSON to
 the file of the shard as soon as the answer is available.
 """

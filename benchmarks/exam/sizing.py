@@ -1,9 +1,10 @@
 """Compute 1x of the exam: the smallest size of an effect that a diagnosis is expected to find.
- A reference follows the season's logs. It solves Saint-Venant in a smooth channel of the world's mean
-geometry and keeps the level near the true one; a linear store and a river have their own equations. The
-reference knows the noise: the weather, the gauge, and a misfit. No calibrated response has the unevenness of
-the true reach, and its error comes with changes of flow. The level error therefore walks by :data:`MISFIT` of
-the level's second difference, see :func:`misfit`.
+
+A reference follows the season's logs. It solves Saint-Venant in a smooth channel of the world's mean geometry
+and keeps the level near the true one; a linear store and a river have their own equations. The reference
+knows the noise: the weather, the gauge, and a misfit. No calibrated response has the unevenness of the true
+reach, and its error comes with changes of flow. The level error therefore walks by :data:`MISFIT` of the
+level's second difference, see :func:`misfit`.
 
 1x is the larger of two sizes. At the first, the effect is as many standard errors from zero as 80 % power
 requires, without the part that the calibration explains: geometry, the gauge's lag, and the response of gates

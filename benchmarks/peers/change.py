@@ -1,8 +1,9 @@
 """Estimate the delay by a change point of the maximum-likelihood FIR, found by `ruptures`.
- The FIR (17) is that of the rise of the level to both flows. In a store it is a pulse at lag d + 1; with
-waves it is a front and what follows it. Its running sum is the step response, with a change of mean at the
-front. The delay is at the larger upward change of the two found by `ruptures.Dynp`. Of a dozen variants, this
-one was best on the development worlds.
+
+The FIR (17) is that of the rise of the level to both flows. In a store it is a pulse at lag d + 1; with waves
+it is a front and what follows it. Its running sum is the step response, with a change of mean at the front.
+The delay is at the larger upward change of the two found by `ruptures.Dynp`. Of a dozen variants, this one
+was best on the development worlds.
 """
 
 import numpy as np

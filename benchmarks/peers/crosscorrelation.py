@@ -1,5 +1,6 @@
 """Estimate the delay by cross-correlation after prewhitening by an autoregression of the inflow.
- Source: G. E. P. Box and G. M. Jenkins, "Time series analysis" (1976), chapter 11. All signals are filtered.
+
+Source: G. E. P. Box and G. M. Jenkins, "Time series analysis" (1976), chapter 11. All signals are filtered.
 The rise of the level is used, since a pool integrates. The part of it explained by the outflow, one and two
 samples later, is removed before the correlation.
 """

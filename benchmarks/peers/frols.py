@@ -1,5 +1,6 @@
 """Estimate the delay as the strongest lag of the inflow, by forward orthogonal least squares of `sysidentpy`.
- The model of the rise of the level has linear terms: its lags 1 and 2, the inflow's lags of all candidates,
+
+The model of the rise of the level has linear terms: its lags 1 and 2, the inflow's lags of all candidates,
 the outflow's lags 1 and 2. Terms join in the order in which they explain it. Of four variants, this one was
 best on the development worlds.
 """

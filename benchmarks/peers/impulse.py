@@ -1,5 +1,6 @@
 """Estimate the delay by a regularised FIR, as MATLAB's `impulseest`, and the jump of its step response.
- The FIR has kernels TC and DC and maximises the marginal likelihood. The rise of the level is ``y[k] - y[k-1]
+
+The FIR has kernels TC and DC and maximises the marginal likelihood. The rise of the level is ``y[k] - y[k-1]
 = sum h_u(l) u[k-l] + sum h_o(l) o[k-l] + c + e``: a pool integrates, so the response of the level itself
 would not end. Each response is Gaussian with covariance ``c lambda^((i+j)/2) rho^|i-j|`` (DC; T. Chen, H.
 Ohlsson, L. Ljung, Automatica 48 (2012), 1525-1535); TC is the case ``rho = sqrt(lambda)``. A low-pass filter

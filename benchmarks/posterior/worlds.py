@@ -1,5 +1,6 @@
 """Simulate worlds for p(d | y): those used for its development, and others.
- A world is many short seasons of one kind of reach. The length of each season's reach is drawn from the seed,
+
+A world is many short seasons of one kind of reach. The length of each season's reach is drawn from the seed,
 so that the delays cover the range and their fractions are uniform.
 """
 

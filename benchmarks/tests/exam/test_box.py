@@ -57,8 +57,10 @@ def test_derivatives_of_a_section_are_those_of_differences(depth):
 
 
 def commands(seed, n=400, T=120.0):
-    """Use flows that change within an hour. Steps would make the reach oscillate, and each scheme damps
-    oscillations differently."""
+    """Return flows that change within an hour.
+
+    Steps would make the reach oscillate, and each scheme damps oscillations differently.
+    """
     rng = np.random.default_rng(seed)
     time = T * np.arange(n)
     inflow = 300.0 + np.interp(time, np.linspace(2400.0, time[-1], 14), np.r_[0.0, rng.normal(0.0, 40.0, 13)])
