@@ -1,8 +1,8 @@
-"""Accuracy beside its baselines, on simulated years with known delays; writes docs/accuracy.md.
+"""Compare the accuracy of the estimators with baselines, on simulated years with known delays.
 
-Three reaches, several seeds each, estimated once with the paper's settings and once with sigma_d and d_max
-from the reach's own hydraulics. Two baselines: always the prior's mode, and the same estimator on
-shuffled days (u of one day, y of another), where there is nothing to find.
+Writes docs/accuracy.md. Three reaches with several seeds each are estimated with the paper's settings and
+with sigma_d, d_max and M from the reach's own hydraulics. There are two baselines: always the prior's mode,
+and the same estimator on shuffled days (u of one day, y of another), which contain no delay.
 
 Usage: python -m benchmarks.accuracy [--seeds N]
 """
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Score:
-    """Shares of days of one season, estimator and setting."""
+    """Shares of the days of one season, for an estimator and a setting."""
 
     exact: float
     within: float
@@ -42,7 +42,7 @@ class Score:
 
 
 def settings_of(season: Season, own: bool) -> dict[str, JmapSettings]:
-    """The estimators, with the paper's settings or with the reach's own."""
+    """Return the estimators, with the paper's settings or with the reach's own."""
     base = JmapSettings()
     if own:
         reach = season.scenario.reach
@@ -62,13 +62,13 @@ def settings_of(season: Season, own: bool) -> dict[str, JmapSettings]:
 
 
 def prior_mode(settings: JmapSettings) -> int:
-    """The delay that the Rayleigh prior alone gives."""
+    """Return the delay of highest prior probability, for the Rayleigh prior alone."""
     d = np.arange(settings.d_min, settings.d_max + 1)
     return int(d[np.argmax(np.log(d) - d**2 / (2 * settings.delay_scale**2))])
 
 
 def score(delay: Floats, season: Season, prior_only: Iterable[bool]) -> Score:
-    """Shares of days: exact, within one sample; where the arrival is near an edge either side counts."""
+    """Return the shares of days. If the arrival is near a sampling instant, both neighbours are right."""
     error = np.minimum(np.abs(delay - season.delay), np.abs(delay - season.delay_other))
     flagged = np.asarray(list(prior_only))
     return Score(
@@ -81,7 +81,7 @@ def score(delay: Floats, season: Season, prior_only: Iterable[bool]) -> Score:
 
 
 def one_season(task: tuple[str, int]) -> dict[str, object]:
-    """All estimators on one seed of one scenario."""
+    """Run all estimators on one seed of one scenario."""
     name, seed = task
     season = simulate(load_scenario(ROOT / "configs" / "scenarios" / f"{name}.toml"), seed=seed)
     u, y = season.inflow - season.inflow[:, :1], season.level - season.level[:, :1]
@@ -109,7 +109,7 @@ def one_season(task: tuple[str, int]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Run all seeds and write the page."""
+    """Run all seeds, and write the page."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=20)
     seeds = parser.parse_args().seeds
@@ -128,7 +128,7 @@ def main() -> None:
 
 
 def section(name: str, seasons: list[dict]) -> str:
-    """The tables of one scenario."""
+    """Return the tables of one scenario."""
     delays = sorted({int(d) for s in seasons for d in s["delays"]})
     low, mid, high = np.median([s["condition"] for s in seasons], axis=0)
     levels = [s["level_range"] for s in seasons]
@@ -162,7 +162,7 @@ def section(name: str, seasons: list[dict]) -> str:
 
 
 def findings(seasons: dict[str, list[dict]]) -> str:
-    """What the tables say, in words around their numbers."""
+    """Return the conclusions with their numbers."""
 
     def mean(name: str, own: bool, estimator: str, column: str) -> str:
         return f"{100 * np.mean([getattr(s['found'][own, estimator], column) for s in seasons[name]]):.0f} %"
@@ -173,11 +173,11 @@ def findings(seasons: dict[str, list[dict]]) -> str:
     return (
         "\n## What this shows\n\n"
         "- With the Rayleigh prior at 6.5 the reach of Table I gives 6 or 7 on "
-        f"{mean(table_i, False, 'jmap', 'at_6_or_7')} of its days, and on {mean(table_i, False, 'jmap' + shuffled, 'at_6_or_7')} of shuffled days, on which there "
-        "is nothing to find: the paper's 95 % needs no river.\n"
-        f"- Of the days exact, {mean(table_i, False, 'jmap', 'exact')} stand beside "
-        f"{mean(table_i, False, mode, 'exact')} for always answering the prior's mode and "
-        f"{mean(table_i, False, 'jmap' + shuffled, 'exact')} on shuffled days.\n"
+        f"{mean(table_i, False, 'jmap', 'at_6_or_7')} of its days, and on {mean(table_i, False, 'jmap' + shuffled, 'at_6_or_7')} of shuffled days, which contain "
+        "no delay: the paper's 95 % can be obtained without the reach.\n"
+        f"- {mean(table_i, False, 'jmap', 'exact')} of the days are exact. Always answering the prior's mode gives "
+        f"{mean(table_i, False, mode, 'exact')}, and shuffled days give "
+        f"{mean(table_i, False, 'jmap' + shuffled, 'exact')}.\n"
         f"- Without the prior, the data alone: `{free}` gives 6 or 7 on "
         f"{mean(table_i, False, free, 'at_6_or_7')} of days and is within one sample on "
         f"{mean(table_i, False, free, 'within')}, on shuffled days "
@@ -186,7 +186,7 @@ def findings(seasons: dict[str, list[dict]]) -> str:
         f"{mean(short, False, 'jmap', 'within')} of days at d 2-3 and {mean(long, False, 'jmap', 'within')} at d 10-12. "
         f"With sigma_d from the reach's hydraulics it is {mean(short, True, 'jmap', 'within')} and "
         f"{mean(long, True, 'jmap', 'within')}, the prior's mode alone {mean(short, True, mode, 'within')} and "
-        f"{mean(long, True, mode, 'within')}: the hydraulics know the reach, the JMAP adds little to them.\n"
+        f"{mean(long, True, mode, 'within')}: the bounds determine the delay, and the JMAP adds little information.\n"
         f"- `prior_only` marks this day by day: {mean(table_i, False, 'jmap', 'prior_only')} of matched and "
         f"{mean(table_i, False, 'jmap' + shuffled, 'prior_only')} of shuffled days.\n"
         "- Why: the noise and the steps of the gauge hide the jump (below). The candidates' criteria lie within a fraction "
@@ -195,7 +195,7 @@ def findings(seasons: dict[str, list[dict]]) -> str:
 
 
 def spread(shares: Iterable[float]) -> str:
-    """Mean over seeds, and lowest to highest seed, in per cent."""
+    """Format the mean over seeds, and the lowest and highest seed, in per cent."""
     values = 100 * np.array(list(shares))
     if np.isnan(values).all():
         return ""
@@ -203,7 +203,7 @@ def spread(shares: Iterable[float]) -> str:
 
 
 def prior_share(seasons: list[dict]) -> str:
-    """How much of "more than 95 % at 6 or 7" is the prior's."""
+    """Return how much of "more than 95 % at 6 or 7" is due to the prior."""
     names = ["jmap", "jmap, shuffled days", "jmap-uniform-estimated", "jmap-uniform-estimated, shuffled days"]
     rows = [[n, spread(s["found"][False, n].at_6_or_7 for s in seasons)] for n in names]
     text = "\n## How much of the paper's 95 % is the prior\n\n"

@@ -1,4 +1,4 @@
-"""A headless Chromium, spoken to through a pipe in its DevTools protocol: no library, no port, no network."""
+"""Control a headless Chromium by the DevTools protocol over a pipe, without library, port or network."""
 
 import base64
 import fcntl
@@ -30,23 +30,23 @@ FLAGS = (
 )
 
 WAIT = 60.0
-"""An answer takes no longer [s]."""
+"""Timeout of an answer [s]."""
 
 
 def installed() -> str | None:
-    """The first Chromium on PATH."""
+    """Return the first Chromium on PATH."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
 class Tab:
-    """One page of a browser.
+    """A page of a browser.
 
     Attributes
     ----------
     requests : list of str
-        Every address that was asked for, but data: ones.
+        Requested addresses, except data: ones.
     complaints : list of str
-        What the console was told: errors, warnings, violations of the page's policy.
+        Messages of the console: errors, warnings, violations of the page's policy.
     """
 
     def __init__(self, to: int, back: int) -> None:
@@ -61,7 +61,7 @@ class Tab:
             self.ask(f"{domain}.enable")
 
     def ask(self, method: str, **given: Any) -> dict[str, Any]:
-        """Call a method and wait for its answer."""
+        """Call a method, and wait for its answer."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": given}
         if self._session:
@@ -103,12 +103,12 @@ class Tab:
             self._seen.append(message)
 
     def size(self, width: int, height: int, scale: float = 1.0) -> None:
-        """Set the window [CSS pixels] and how many pixels of a picture one of these is."""
+        """Set the size of the window [CSS pixels], and the picture pixels per CSS pixel."""
         given = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         self.ask("Emulation.setDeviceMetricsOverride", **given)
 
     def look(self, *, dark: bool = False, media: str = "") -> None:
-        """Light or dark; on the screen or as if on paper."""
+        """Set a light or dark scheme, and the medium: screen or print."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", media=media, features=[scheme])
 
@@ -120,7 +120,7 @@ class Tab:
             self._next()
 
     def value(self, expression: str) -> Any:
-        """What an expression is in the page, once it is settled."""
+        """Return the value of an expression in the page; a promise is awaited."""
         answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"{expression}: {answer['exceptionDetails']}")
@@ -137,27 +137,27 @@ class Tab:
             self.ask("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code)
 
     def picture(self, path: Path, *, whole: bool = False) -> None:
-        """What is seen, or all of the page, as PNG."""
+        """Write the visible part, or all of the page, as PNG."""
         answer = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
         path.write_bytes(base64.b64decode(answer["data"]))
 
     def paper(self, path: Path) -> None:
-        """The page on A4, as PDF."""
+        """Write the page on A4 as PDF."""
         answer = self.ask("Page.printToPDF", paperWidth=8.27, paperHeight=11.69, preferCSSPageSize=True)
         path.write_bytes(base64.b64decode(answer["data"]))
 
 
 @contextmanager
 def browser(program: str) -> Iterator[Tab]:
-    """A tab of a browser of its own, with a profile that is thrown away.
+    """Open a tab of a new browser with a temporary profile.
 
     Parameters
     ----------
     program : str
-        Of :func:`installed`.
+        Path from :func:`installed`.
     """
     ends = [*os.pipe(), *os.pipe()]
-    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in ends]  # clear of 3 and 4
+    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in ends]  # above 3 and 4
     for end in ends:
         os.close(end)
     theirs_in, to, back, theirs_out = high
@@ -180,7 +180,7 @@ def browser(program: str) -> Iterator[Tab]:
         try:
             yield Tab(to, back)
         finally:
-            os.close(to)  # the browser ends with its pipe
+            os.close(to)  # the browser exits when its pipe is closed
             try:
                 process.wait(10)
             except subprocess.TimeoutExpired:

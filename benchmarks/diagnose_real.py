@@ -1,7 +1,7 @@
-"""The measured river with its bypass hidden: what a diagnosis finds, beside what was recorded.
+"""Diagnose the measured river with its bypass hidden, and compare the result with the recorded bypass.
 
-The diagnosis sees the power release and Lees Ferry. The recorded bypass is looked at here only, afterwards.
-Writes docs/diagnose_real.md and its picture. Usage: python -m benchmarks.diagnose_real
+The diagnosis receives the power release and the discharge at Lees Ferry. The recorded bypass is only used
+afterwards. Writes docs/diagnose_real.md and its picture. Usage: python -m benchmarks.diagnose_real
 """
 
 import datetime as dt
@@ -34,21 +34,21 @@ QUIET = dt.date(2024, 6, 30)
 
 
 def configs() -> tuple[Config, Config]:
-    """What the diagnosis sees, and the same with all of the release."""
+    """Return the configuration of the diagnosis, and the same with the total release as inflow."""
     seen = load_config(ROOT / "configs" / "glen_canyon_bypass.toml")
     truth = seen.model_copy(update={"input": seen.input.model_copy(update={"u_Qi": "total_release_cfs"})})
     return seen, truth
 
 
 def studied(config: Config, record: Record) -> Study:
-    """A study of a record."""
+    """Return the study of a record."""
     return find_effects(
         record, response_of(config, record), library_of(config), gauge_floor=gauge_floor_of(config, record)
     )
 
 
 def floor_of(config: Config, record: Record) -> Floats:
-    """Errors on the sealed days of the model that knows all of the release, fitted to the same open days."""
+    """Return the held-out errors of the model with the total release, fitted to the same other days."""
     dealt = split(record.dates)
     opened = dealt.fit | dealt.select
     model = Model(
@@ -62,13 +62,13 @@ def floor_of(config: Config, record: Record) -> Floats:
 
 
 def errors_of(one: Explanation, days: Bools) -> Floats:
-    """RMSE of some days at 1, 4 and 24 h."""
+    """Return the RMSE of some days at 1, 4 and 24 h."""
     assert one.errors is not None
     return one.errors.rmse(days)[-len(HOURS) :]
 
 
 def main() -> None:
-    """Diagnose, judge, write."""
+    """Diagnose, compare with the record, and write the page."""
     seen, truth = configs()
     record, whole = (read_record(LOGS, config)[0] for config in (seen, truth))
     both = sorted(set(record.dates) & set(whole.dates))
@@ -112,24 +112,24 @@ def main() -> None:
         ["hours", "about 22 to 14", "; ".join(str(e.where.hours) for e in releases)],
         ["mean flow while it runs [m3/s]", f"{bypass[days][:, record.lead:][bypass[days][:, record.lead:] > 5].mean():.0f}",
          "; ".join(", ".join(f"{p.value:.0f}" for p in e.parameters if p.name.startswith("size")) for e in releases)],
-        ["course: correlation of the unexplained inflow with the bypass as it arrives", "1",
-         f"{r:.3f}; on sealed days {r_sealed:.3f}"],
+        ["course: correlation of the unexplained inflow with the routed bypass", "1",
+         f"{r:.3f}; on held-out days {r_sealed:.3f}"],
     ]  # fmt: skip
     gaps = [
         [name, *(f"{v:.1f}" for v in values)]
-        for name, values in (("without", base), ("with what was named", end), ("bypass given", floor))
+        for name, values in (("without", base), ("with the named effects", end), ("bypass given", floor))
     ]
     gaps.append(["gap closed", *("-" if c is None else f"{c:.2f}" for c in closed)])
     text = (
         "# The hidden bypass of Glen Canyon Dam\n\n"
-        "Written by `make diagnose-real`. The diagnosis is given the power release of the dam and the discharge at\n"
+        "Written by `make diagnose-real`. The diagnosis receives the power release of the dam and the discharge at\n"
         "Lees Ferry ([configs/glen_canyon_bypass.toml](../configs/glen_canyon_bypass.toml)). From July to November\n"
-        "2024 the dam also let water through its bypass, which these logs do not show; its record is used below to\n"
-        "judge, never to find.\n\n"
+        "2024 the dam also released water through its bypass, which is not in these logs. Its record is used below to\n"
+        "judge the result, not to obtain it.\n\n"
         f"Verdict: **{answer.verdict}**. {answer.reason}\n\n"
-        "![The unexplained inflow by hour and date, before and after](pictures/glen_canyon_bypass.png)\n\n"
+        "![Unexplained inflow by hour and date, before and after the diagnosis](pictures/glen_canyon_bypass.png)\n\n"
         + table(["", "recorded", "found"], rows)
-        + "\nError of the simulated discharge on the sealed days [m3/s]:\n\n"
+        + "\nError of the simulated discharge on the held-out days [m3/s]:\n\n"
         + table(["", "1 h", "4 h", "24 h"], gaps)
         + f"\nMay and June 2024 alone, without a bypass: **{calm.verdict}**, "
         + (f"named: {', '.join(e.name for e in calm.effects)}" if calm.effects else "nothing named")

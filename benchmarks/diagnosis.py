@@ -1,7 +1,7 @@
-"""Time, memory and simulations of `rivid diagnose` on hard cases, and of a library of candidates.
+"""Measure time, memory and simulations of `rivid diagnose` on hard cases and on a library of candidates.
 
-Each case runs in a process of its own, ``python -m benchmarks.diagnosis TASK LOGS RESULT``, which is given logs
-and a configuration. Counts and shares come from functions that it wraps.
+Each case runs in a process of its own, ``python -m benchmarks.diagnosis TASK LOGS RESULT``, which receives
+logs and a configuration. Counts and shares of time come from functions that the process wraps.
 """
 
 import functools
@@ -44,19 +44,19 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "a river, one effect": ("exam/river_bypass", {}),
     "one effect, 332 days": ("effects/diurnal_inflow", {"days": 332}),
 }
-"""Scenario of each case, and what is changed in it."""
+"""Scenario of each case, and its changes."""
 GOALS = {60: "12 s, median 8 s", 332: "60 s, 600 MB"}
-"""By days, of samples of 133 s."""
+"""Goals by the number of days, for samples of 133 s."""
 QUICK = ("one effect, 600 s", "a river, one effect")
 CANDIDATES = 30
 
 
 def case(name: str) -> Logs:
-    """The logs of a case, with a configuration of the exact geometry."""
+    """Return the logs of a case, with a configuration of the exact geometry."""
     place, changes = CASES[name]
     scenario = load_scenario(SCENARIOS / f"{place}.toml")
     T, usual = changes.get("sample_time", scenario.reach.sample_time), scenario.reach.sample_time
-    activity = min(scenario.programme.activity * T / usual, 1.0)  # as many commands an hour
+    activity = min(scenario.programme.activity * T / usual, 1.0)  # keeps the number of commands per hour
     changed = {
         "days": changes.get("days", 60), "missing_days": 0,
         "effects": changes.get("effects", scenario.effects),
@@ -66,7 +66,7 @@ def case(name: str) -> Logs:
     scenario = scenario.model_copy(update=changed)
     kind = "river" if place.startswith("exam/river") else "saint_venant"
     world = World(1, kind, "crew", "peaking", scenario, dict.fromkeys(("length", "width", "depth"), 0.0))
-    return logs_of(world, season_of(world))  # the scenario has its effects
+    return logs_of(world, season_of(world))  # the effects are part of the scenario
 
 
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
@@ -80,7 +80,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "events": ((search, "find_events"),),
     "waiting": ((workflow, "side_by_side"),),
 }
-"""Functions of each part; what one calls of another part counts there."""
+"""Functions of each part. Time in a nested function of another part counts for that part."""
 SHOWN = ("water", "noise", "events", "rest")
 RUNS: tuple[tuple[Any, str], ...] = (
     (hydraulic, "simulate"),
@@ -90,9 +90,9 @@ RUNS: tuple[tuple[Any, str], ...] = (
 
 
 class Watch:
-    """Seconds by part, and days of each simulation; wraps the functions for the rest of the process.
+    """Time by part, and days of each simulation. Wraps the functions for the rest of the process.
 
-    Each thread counts its own time; what one waits for others is a part as well.
+    Each thread counts its own time; waiting for other threads is a part as well.
     """
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class Watch:
             setattr(holder, name, self._counted(getattr(holder, name)))
 
     def turn(self) -> list[str]:
-        """Count the time since the thread's last turn for the part that was at work; the parts inside it."""
+        """Add the time since the thread's last call to the current part; return the stack of parts."""
         now = time.perf_counter()
         inside: list[str] = vars(self._own).setdefault("inside", ["rest"])
         self.seconds[inside[-1]] += now - vars(self._own).setdefault("since", now)
@@ -135,7 +135,7 @@ class Watch:
 
 
 def diagnosed(logs: Logs) -> dict[str, Any]:
-    """Diagnose, and what that took."""
+    """Diagnose logs, and return the time and the number of simulations."""
     watch = Watch()
     began, used = time.perf_counter(), time.process_time()
     said = answer(logs)
@@ -154,7 +154,7 @@ def diagnosed(logs: Logs) -> dict[str, Any]:
 
 
 def candidates(logs: Logs) -> dict[str, Any]:
-    """Columns of the first candidates, and their innovations about a fit without them: what each takes."""
+    """Measure the columns of the first candidates, and their innovations relative to a fit without them."""
     record, settings = record_of(logs), logs.settings
     model = Model(response_of(settings, record), None, record.usual_output, record.usual_flow, 0.0)
     base = fitted(model, record, np.ones(record.days, bool), steps=1)
@@ -175,7 +175,7 @@ TASKS: dict[str, Callable[[Logs], dict[str, Any]]] = {"diagnosed": diagnosed, "c
 
 
 def alone(task: str, logs: Logs, work: Path) -> tuple[dict[str, Any], Usage]:
-    """A task in a process of its own."""
+    """Run a task in a process of its own."""
     given, result = work / "logs.pickle", work / "result.json"
     given.write_bytes(pickle.dumps(logs))
     used = process([PYTHON, "-m", "benchmarks.diagnosis", task, str(given), str(result)])
@@ -183,8 +183,8 @@ def alone(task: str, logs: Logs, work: Path) -> tuple[dict[str, Any], Usage]:
 
 
 def section(work: Path, quick: bool = False) -> str:
-    """The tables of the cases, or of the short ones, and of the candidates."""
-    for name in QUICK:  # the compiled loops are there from then on
+    """Return the tables of all or of the short cases, and of the candidates."""
+    for name in QUICK:  # compile and cache the loops
         alone("diagnosed", case(name), work)
     rows, usual = [], []
     for name in QUICK if quick else CASES:
@@ -205,8 +205,8 @@ def section(work: Path, quick: bool = False) -> str:
     if usual:
         text += f"\nMedian of 60 days of 133 s: {median(usual):.1f} s. "
     text += (
-        "Simulations are runs of any response over some days; in seasons, their days over those of the "
-        "logs. Water, noise, events and the rest are shares of the time that both threads work.\n\n"
+        "Simulations are runs of any response over some days; in seasons, their days divided by the days of the "
+        "logs. Water, noise, events and the rest are shares of the busy time of both threads.\n\n"
     )
     found, used = alone("candidates", case("one effect, 332 days"), work)
     row = [f"{found['columns']:.1f} s", f"{found['screened']:.1f} s", f"{used.peak_mb:.0f} MB", "600 MB"]
@@ -216,7 +216,7 @@ def section(work: Path, quick: bool = False) -> str:
 
 
 def main() -> None:
-    """One task, for :func:`alone`."""
+    """Run one task, for :func:`alone`."""
     task, given, result = sys.argv[1:]
     found = TASKS[task](pickle.loads(Path(given).read_bytes()))
     Path(result).write_text(json.dumps(found), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The floor of a run: import the same libraries, read the same files, save one figure.
+"""Measure the minimum of a run: import the same libraries, read the same files, save one figure.
 
 Usage: python -m benchmarks.floor DATA_DIR FIGURE.png
 """
@@ -15,7 +15,7 @@ import pydantic  # noqa: F401
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-options = pyarrow.csv.ReadOptions(use_threads=False)  # small files: threads only cost
+options = pyarrow.csv.ReadOptions(use_threads=False)  # threads are slower for small files
 levels = []
 for path in sorted(Path(sys.argv[1]).glob("*.csv")):
     table = pyarrow.csv.read_csv(path, options)

@@ -1,4 +1,4 @@
-"""Forecasts beside their peers, scored hour by hour on days that none was fitted to; writes docs/forecast.md.
+"""Compare forecasts with their peers, hour by hour on days not used for fitting; write docs/forecast.md.
 
 Usage: python -m benchmarks.forecast [--quick]
 """
@@ -25,14 +25,14 @@ ROOT = Path(__file__).parent.parent
 PAGE, HEAD = ROOT / "docs" / "forecast.md", Path(__file__).with_name("forecast_head.md")
 HOURS = (0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 24.0)
 TRAIN, TEST = 60, 30
-"""Days for calibration and learning, and days after them that are scored."""
+"""Days for calibration and learning, and the following days that are scored."""
 LAGS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 18.0, 24.0)
-"""Of the regressions [h]."""
+"""Lags of the regressions [h]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A reach: a model of its first days, and the series of all of them."""
+    """A reach: a model of its first days, and the series of all days."""
 
     name: str
     model: ReachModel
@@ -42,7 +42,7 @@ class Case:
 
 
 def case(name: str, arrays: tuple[Floats, Floats, Floats], model: ReachModel, first: dt.date) -> Case:
-    """Origins at every hour."""
+    """Build a case with origins at every hour."""
     inflow, outflow, output = (a.ravel() for a in arrays)
     T, n = model.sample_time, len(inflow)
     begin = dt.datetime.combine(first, dt.time(), dt.UTC)
@@ -55,14 +55,14 @@ def case(name: str, arrays: tuple[Floats, Floats, Floats], model: ReachModel, fi
 
 
 def calibrated(logs: object, config: object, **more: object) -> ReachModel:
-    """The model that `rivid diagnose` writes."""
+    """Return the model that `rivid diagnose` writes."""
     found = rivid.diagnose(logs, config, **more)  # type: ignore[arg-type]
     assert found.evidence is not None and found.evidence.model is not None
     return ReachModel(found.config.reach.name, found.evidence.model, found.config.reach.sample_time, {})
 
 
 def pool(place: str, seed: int) -> Case:
-    """A simulated pool of another seed."""
+    """Return a simulated pool with another seed."""
     scenario = load_scenario(ROOT / "configs" / "scenarios" / f"{place}.toml")
     changed = scenario.model_copy(update={"days": TRAIN + TEST, "missing_days": 0, "seed": seed})
     season = rivid.simulate(changed)
@@ -72,7 +72,7 @@ def pool(place: str, seed: int) -> Case:
 
 
 def river() -> Case:
-    """Glen Canyon Dam to Lees Ferry, with all of the release."""
+    """Return Glen Canyon Dam to Lees Ferry, with the total release."""
     config = load_config(ROOT / "configs" / "glen_canyon_bypass.toml")
     data, first = ROOT / "sample_data" / "glen_canyon", dt.date(2025, 1, 1)
     last = first + dt.timedelta(days=TRAIN - 1)
@@ -87,12 +87,12 @@ def river() -> Case:
 
 
 def came(c: Case, origins: Ints, steps: Ints) -> Floats:
-    """What was measured, less the output at the origin."""
+    """Return the measured output less the output at the origin."""
     return c.series.output[origins[:, None] + steps] - c.series.output[origins, None]
 
 
 def ours(c: Case, steps: Ints, announced: bool) -> Floats:
-    """Quantiles (5, m, h) by `rivid forecast`: learnt each day from the days before it."""
+    """Return quantiles (5, m, h) of `rivid forecast`, learnt for each day from the days before it."""
     T, ahead = c.model.sample_time, int(steps[-1])
     every = np.concatenate([c.train, c.test])
     lead = core.lead_of(c.model)
@@ -111,7 +111,7 @@ def ours(c: Case, steps: Ints, announced: bool) -> Floats:
 
 
 def flows(c: Case, origins: Ints, ahead: int, announced: bool, back: int) -> tuple[Floats, Floats]:
-    """In- and outflow from `back` samples before each origin to `ahead` after it; held where not announced."""
+    """Return the flows from `back` samples before each origin to `ahead` after it, held unless announced."""
     at = np.maximum(origins[:, None] + np.arange(-back, ahead + 1), 0)
     u, o = c.series.inflow[at], c.series.outflow[at]
     if not announced:
@@ -120,12 +120,12 @@ def flows(c: Case, origins: Ints, ahead: int, announced: bool, back: int) -> tup
 
 
 def persistence(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
-    """The present output."""
+    """Forecast the present output."""
     return np.zeros((len(origins), len(steps)))
 
 
 def fixed_lag(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
-    """The travel time of the model as a fixed lag: a shift of a river's inflow, a pool's volume over its area."""
+    """Forecast by a fixed lag, the model's: shift a river's inflow; divide a pool's volume by its area."""
     T = c.model.sample_time
     up = c.model.kernels(round(2 * DAY / T))["up"]
     lag = core._half(c.model, up)
@@ -138,7 +138,7 @@ def fixed_lag(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
 
 
 def paper_fir(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
-    """The median response of `jmap` over the training days, in threes: the output from the inflow alone."""
+    """Forecast by the median response of `jmap` on windows of three training days, from the inflow alone."""
     T, three = c.model.sample_time, 3 * round(DAY / c.model.sample_time)
     up = c.model.kernels(round(2 * DAY / T))["up"]
     longest = min(3 * core._half(c.model, up) + 6, 120)
@@ -153,7 +153,7 @@ def paper_fir(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
 
 
 def features(c: Case, origins: Ints, step: int, announced: bool, hour: bool) -> Floats:
-    """Past outputs and flows at some lags, means of announced flows until the target, the hour."""
+    """Return past outputs and flows at some lags, means of announced flows until the target, and the hour."""
     T, s = c.model.sample_time, c.series
     lags = np.round(np.array(LAGS) * HOUR / T).astype(int)
     back = np.maximum(origins[:, None] - lags, 0)
@@ -172,7 +172,7 @@ def features(c: Case, origins: Ints, step: int, announced: bool, hour: bool) -> 
 
 
 def arx(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
-    """A linear regression for each horizon, with a ridge, on the training origins."""
+    """Forecast by a ridge regression for each horizon, fitted to the training origins."""
     found = np.empty((len(origins), len(steps)))
     for j, step in enumerate(steps.tolist()):
         X, y = features(c, c.train, step, announced, False), came(c, c.train, steps[j : j + 1])[:, 0]
@@ -186,7 +186,7 @@ def arx(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
 
 
 def boosting(c: Case, origins: Ints, steps: Ints, announced: bool) -> Floats:
-    """Gradient boosting of scikit-learn for each horizon, on the same features and the hour."""
+    """Forecast by scikit-learn's gradient boosting for each horizon, on the same features and the hour."""
     found = np.empty((len(origins), len(steps)))
     for j, step in enumerate(steps.tolist()):
         X, y = features(c, c.train, step, announced, True), came(c, c.train, steps[j : j + 1])[:, 0]
@@ -208,9 +208,10 @@ PEERS: dict[str, Callable[[Case, Ints, Ints, bool], Floats]] = {
 def with_bands(
     c: Case, peer: Callable[[Case, Ints, Ints, bool], Floats], steps: Ints, announced: bool
 ) -> Floats:
-    """Quantiles of a peer: its forecast, and the quantiles of its errors on the last third of the training.
+    """Return quantiles of a peer: its forecast plus the quantiles of its errors.
 
-    A regression is fitted to the first two thirds for these errors, and to all of the training for the test.
+    The errors are those on the last third of the training days, after a fit to the first two thirds. For the
+    test, a regression is fitted to all training days.
     """
     third = len(c.train) // 3
     early = Case(c.name, c.model, c.series, c.train[: -third - 24], c.train[-third:])
@@ -220,7 +221,7 @@ def with_bands(
 
 
 def scores(c: Case, quantiles: Floats, steps: Ints) -> dict[str, Floats]:
-    """RMSE of the median, CRPS by the five quantiles, and the share within the 90 % band; by horizon."""
+    """Return RMSE of the median, CRPS by the five quantiles, and share within the 90 % band, by horizon."""
     truth = came(c, c.test, steps)
     off = truth - quantiles
     level = np.array(LEVELS)[:, None, None]
@@ -235,11 +236,11 @@ def scores(c: Case, quantiles: Floats, steps: Ints) -> dict[str, Floats]:
 
 
 TIED = 1.02
-"""Ratio of RMSE within which two are tied."""
+"""Ratio of RMSE up to which two methods are tied. It is applied to the CRPS too."""
 
 
 def section(c: Case) -> str:
-    """The tables of a reach."""
+    """Return the tables of a reach."""
     steps = np.unique(np.maximum(np.round(np.array(HOURS) * HOUR / c.model.sample_time).astype(int), 1))
     hours = [f"{s * c.model.sample_time / HOUR:.3g} h" for s in steps]
     scale, unit = (1e3, "mm") if c.model.kind == "pool" else (1.0, "m3/s")
@@ -273,7 +274,7 @@ def section(c: Case) -> str:
 def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the river alone, printed")
+    parser.add_argument("--quick", action="store_true", help="print the river only")
     quick = parser.parse_args().quick
     made = [river] if quick else [lambda: pool("hydraulic", 11), lambda: pool("uneven", 12), river]
     text = "".join(section(one()) for one in made)

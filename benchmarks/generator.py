@@ -1,6 +1,6 @@
-"""Logs made on the fly, by the million: a simulated season, each day scaled, shifted and disturbed anew.
+"""Generate logs by the million: each day is a simulated day, scaled, shifted and disturbed at random.
 
-Everything done to a day is linear in its deviations, so that it keeps its delay; no two files are alike.
+All changes of a day are linear in its deviations, so it keeps its delay. No two files are alike.
 """
 
 import datetime as dt
@@ -28,11 +28,11 @@ def write_fleet(season: Season, data: Path, reaches: int, days: int, format: For
     Parameters
     ----------
     season : Season
-        The days to begin from.
+        Simulated days to draw from.
     data : Path
-        A directory for each reach is made in it.
+        Folder in which a directory is created for each reach.
     reaches, days : int
-        Reaches, and days of each.
+        Number of reaches, and days of each.
     format : {"csv", "parquet"}
         A CSV file for each day, or Parquet files of 365 days.
     """
@@ -72,7 +72,7 @@ def write_reach(
 def disturbed(
     arrays: tuple[NDArray[np.float64], ...], days: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], ...]:
-    """So many days, each another of the season's, scaled, shifted, with noise of its own on the level."""
+    """Draw `days` of the season's days at random, scaled and shifted, with new noise on the level."""
     which = rng.integers(0, len(arrays[0]), days)
     scale = rng.uniform(0.7, 1.3, (days, 1))
     shift = rng.uniform(-20.0, 20.0, (days, 1))
@@ -88,7 +88,7 @@ def disturbed(
 def write_parquet(
     path: Path, first: dt.date, columns: tuple[NDArray[np.float64], ...], sample_time: float
 ) -> None:
-    """Days in a row as one Parquet file."""
+    """Write consecutive days as one Parquet file."""
     n, samples = columns[0].shape
     midnight = (first - dt.date(1970, 1, 1)).days * 86_400_000
     within = np.round(np.arange(samples) * sample_time * 1000).astype(np.int64)
@@ -105,7 +105,7 @@ def write_parquet(
 
 
 def write_csv(folder: Path, date: dt.date, columns: list[NDArray[np.float64]], sample_time: float) -> None:
-    """A day as CSV."""
+    """Write a day as CSV."""
     seconds = np.round(np.arange(len(columns[0])) * sample_time * 1000).astype("timedelta64[ms]")
     time = pa.array((np.datetime64(date, "ms") + seconds), pa.timestamp("ms"))
     table = pa.table(

@@ -1,4 +1,4 @@
-"""The measured river beside what is known of it; writes docs/glen_canyon.md.
+"""Compare estimates of the measured river with its known lags; write docs/glen_canyon.md.
 
 Usage: python -m benchmarks.glen_canyon
 """
@@ -20,27 +20,27 @@ CFS = 0.028316846592
 CLASSES = ((0, 8000, "below 8,000"), (8000, 11_000, "8,000-11,000"), (11_000, 14_000, "11,000-14,000"))
 KNOWN = {
     "glen_canyon_rm30": ("Lees Ferry to mile 30", "6.5 h", ("7.5", "6.75", "6.25")),
-    "glen_canyon": ("Dam to Lees Ferry", "3 h (hourly release: 1 h of doubt)", ("", "", "")),
+    "glen_canyon": ("Dam to Lees Ferry", "3 h (hourly release: uncertainty of 1 h)", ("", "", "")),
 }
 Floats = NDArray[np.float64]
 
 
 def data_sets(config: Config, days: int) -> tuple[Floats, Floats]:
-    """Inflow and output of every window that can be read, shape (windows, N) [m3/s]."""
+    """Return inflow and output of every readable window, shape (windows, N) [m3/s]."""
     sources = find_days(DATA, config).days
     read = [read_window(DATA, sources[i - days + 1 : i + 1], config) for i in range(days - 1, len(sources))]
     return np.stack([r.inflow for r in read]), np.stack([r.output for r in read])
 
 
 def correlation_lag(inflow: Floats, output: Floats, longest: int) -> Floats:
-    """The lag at which the differenced series of each window correlate most [samples]."""
+    """Return the lag of the highest correlation of the differenced series of each window [samples]."""
     u, y = np.diff(inflow), np.diff(output)
     r = [np.einsum("wn,wn->w", u[:, : u.shape[1] - k], y[:, k:]) for k in range(longest)]
     return np.argmax(r, axis=0).astype(float)
 
 
 def section(name: str) -> str:
-    """One reach: t50 and the jump, by flow class, by window length, beside shuffled days."""
+    """Return the tables of a reach: t50 and jump by window length, with shuffled days, and by flow class."""
     title, known, by_class = KNOWN[name]
     config = load_config(ROOT / "configs" / f"{name}.toml")
     settings, hours = config.jmap_settings(), config.reach.sample_time / 3600
@@ -58,7 +58,7 @@ def section(name: str) -> str:
         rows.append(line(f"{days} day{'s' * (days > 1)}", inflow, output, settings, config.jmap.alpha, hours))
     head = ["window", "t50 of the MAP FIR [h]", "its gain", "cross-correlation [h]", "jump d T_s, jmap [h]",
             "the same, shuffled", "`prior_only`", "shuffled"]  # fmt: skip
-    text += "Median over windows, with the range that holds four windows in five.\n\n" + table(head, rows)
+    text += "Median over windows, with the 10th and 90th percentile.\n\n" + table(head, rows)
 
     inflow, output = data_sets(config, config.run.window_days)
     u, y = inflow - inflow[:, :1], output - output[:, :1]
@@ -84,7 +84,7 @@ def section(name: str) -> str:
 def line(
     words: str, inflow: Floats, output: Floats, settings: JmapSettings, alpha: float, hours: float
 ) -> list[str]:
-    """One window length."""
+    """Return the row of one window length."""
     u, y = inflow - inflow[:, :1], output - output[:, :1]
     fir = map_fir(u, y, settings.order, alpha, free_start=True).fir
     jump, shuffled = jmap(u, y, settings), jmap(np.roll(u, len(u) // 3, axis=0), y, settings)
@@ -102,7 +102,7 @@ def line(
 
 
 def spread(values: Floats) -> str:
-    """Median and 10 to 90 %."""
+    """Format median, 10 and 90 %."""
     low, mid, high = np.nanquantile(values, [0.1, 0.5, 0.9])
     return f"{mid:.2f} ({low:.2f}-{high:.2f})"
 

@@ -1,6 +1,6 @@
-"""The pictures of the guide, from rivid's own functions and its simulator, into docs/pictures/guide_*.png.
+"""Draw the pictures of the guide by rivid's own functions and simulator: docs/pictures/guide_*.png.
 
-python -m benchmarks.guide_pictures [name ...]
+Usage: python -m benchmarks.guide_pictures [name ...]
 """
 
 import json
@@ -27,31 +27,31 @@ DAYS = 60
 def panels(
     title: str, note: str, shares: list[float], height: float = 3.5, gap: float = 0.75
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `height` inches with panels side by side; `shares` of the width."""
+    """Return a figure of `height` inches with panels side by side, with `shares` of the width."""
     margins = {"left": 0.72, "right": 0.2, "top": 0.85, "bottom": 0.62}
     return style.sheet(title, note, [height - 0.85 - 0.62], shares, gap=(gap, 0.0), **margins)
 
 
 def season(name: str, **changes: Any) -> rivid.SimulatedSeason:
-    """A simulated season of a scenario."""
+    """Simulate a season of a scenario."""
     settings = {"days": DAYS, "missing_days": 0, "seed": 3} | changes
     return rivid.simulate(ROOT / f"configs/scenarios/{name}.toml", **settings)
 
 
 def arrays(found: rivid.SimulatedSeason) -> tuple[Floats, Floats, Floats]:
-    """u, y and o of all days, shape (days, N)."""
+    """Return u, y and o of all days, shape (days, N)."""
     days = [found.day(i) for i in range(len(found.dates))]
     return tuple(np.stack([getattr(day, name) for day in days]) for name in ("u", "y", "o"))
 
 
 def correlation(a: Floats, b: Floats, lags: int) -> Floats:
-    """Of a with b so many samples later."""
+    """Return the correlation of a with b for delays of b from 0 to `lags` - 1 samples."""
     n = a.shape[1]
     return np.array([np.corrcoef(a[:, : n - k].ravel(), b[:, k:].ravel())[0, 1] for k in range(lags)])
 
 
 def feedback() -> Figure:
-    """A step of the inflow with and without operators, and the correlations of moves."""
+    """Draw a step of the inflow with and without operators, and the correlations of moves."""
     d, lags = 7, 20
     alone = theoretical_fir(lags, d, 2e-4, 2e-4, 0.0, 0.0)
     operated = theoretical_fir(lags, d, 2e-4, 2e-4, 1.0, -300.0)
@@ -93,7 +93,7 @@ def feedback() -> Figure:
 
 
 def response() -> Figure:
-    """One day's response by maximum likelihood, smooth, and with the jump left free."""
+    """Draw one day's response by maximum likelihood, smooth, and smooth with free jumps."""
     day = rivid.read_day(
         ROOT / "sample_data/basse_isere_csv/2008-03-11.csv", config=ROOT / "configs/basse_isere.toml"
     )
@@ -125,7 +125,7 @@ def response() -> Figure:
 
 
 def prior() -> Figure:
-    """The estimator's answers on three reaches, beside its answers where there is nothing to find."""
+    """Draw the estimates on three reaches, and those on shuffled days, which contain no delay."""
     reaches = {"short": "short reach", "basse_isere": "reach of Table I", "long": "long reach"}
     figure, axes = panels(
         "What the prior does",
@@ -161,7 +161,7 @@ def prior() -> Figure:
 
 
 def probability() -> Figure:
-    """p(d) of a sure and an unsure day, and of a season beside the truth."""
+    """Draw p(d) of a certain and an uncertain day, and of a season with its true delays."""
     found = season("basse_isere", days=45)
     u, y, o = arrays(found)
     answer = rivid.posterior(u, y, o)
@@ -207,7 +207,7 @@ def probability() -> Figure:
 
 
 def river() -> Figure:
-    """How much of a step has arrived, by lag, at low and at high flow: measured days."""
+    """Draw the arrived share of a step by lag, at low and at high flow, from measured days."""
     figure, (flow, step) = panels(
         "A river has no single delay",
         "Measured: the Colorado from Lees Ferry to mile 30, windows of three days",
@@ -222,7 +222,7 @@ def river() -> Figure:
         fit = rivid.map_fir(
             day.u, day.y, settings.order, day.config.jmap.alpha, free_start=settings.free_start
         )
-        hours = (np.arange(settings.order) + 0.5) * day.sample_time / 3600  # a coefficient acts about its lag
+        hours = (np.arange(settings.order) + 0.5) * day.sample_time / 3600  # centre of the response's bin
         arrived = np.cumsum(fit.fir) / fit.fir.sum()
         t50 = float(half_time(fit.fir[None])[0]) * day.sample_time / 3600
         mean = day.inflow.mean()
@@ -246,7 +246,7 @@ def river() -> Figure:
 
 
 def diagnosis() -> Figure:
-    """The unexplained inflow of a season by hour, before and after, and the error that goes."""
+    """Draw the unexplained inflow of a season by hour, before and after, and the reduced error."""
     found = season("intermittent", days=30, effects=[{"name": "diurnal_inflow", "amplitude": 6.0}])
     answer = rivid.diagnose(found)
     seen = answer.evidence
@@ -292,7 +292,7 @@ ALL = {one.__name__: one for one in (feedback, response, prior, probability, riv
 
 
 def main(names: list[str]) -> None:
-    """Draw those named, or all."""
+    """Draw the named pictures, or all."""
     PICTURES.mkdir(parents=True, exist_ok=True)
     for name in names or ALL:
         with style.styled():

@@ -1,4 +1,4 @@
-"""The hydraulic truth: travel times, and Table VI on it beside its baselines; writes docs/hydraulic.md.
+"""Compute hydraulic travel times, and compare Table VI with its baselines on them; write docs/hydraulic.md.
 
 Usage: python -m benchmarks.hydraulic [--seeds N]
 """
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TravelTimes:
-    """Travel times over the discharge; arrays of shape (flows,).
+    """Travel times as a function of the discharge; arrays of shape (flows,).
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class TravelTimes:
 
 
 def draw(times: TravelTimes, path: Path) -> None:
-    """Froude number and travel time over the discharge, as a PNG."""
+    """Draw the Froude number and the travel time over the discharge as PNG."""
     with style.styled():
         figure, (upper, lower) = style.sheet(
             "Travel time of a wave down the reach",
@@ -74,7 +74,7 @@ def draw(times: TravelTimes, path: Path) -> None:
         kinematic = times.kinematic / T
         ends = f"{kinematic.max():.0f} samples at {times.flow[0]:.0f} m³/s"
         ends += f", {kinematic[-1]:.0f} at {times.flow[-1]:.0f}" if (kinematic < top).any() else ""
-        blue = {"color": style.WATER}  # wide, since arrivals along the profile lie on it
+        blue = {"color": style.WATER}  # a wide line, since arrivals along the profile coincide with it
         lower.plot(
             times.flow, times.gravity / T, label="gravity wave, lower bound (5)", lw=6, alpha=0.4, **blue
         )
@@ -94,7 +94,7 @@ def draw(times: TravelTimes, path: Path) -> None:
 
 
 def travel_times() -> TravelTimes:
-    """Bounds, characteristic and simulated arrival over the discharge."""
+    """Compute bounds, characteristic and simulated arrival for a range of discharges."""
     scenario = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml")
     said, reach, aim = scenario.channel, scenario.reach, scenario.level
     assert said is not None
@@ -122,7 +122,7 @@ def travel_times() -> TravelTimes:
 
 
 def fronts() -> str:
-    """How much of a step's final rate of rise is there one, two and three samples after its arrival."""
+    """Return a table of the rate of rise in the first four samples of a step, over that of the storage."""
     scenario = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml")
     rows = []
     for name in SCENARIOS:
@@ -142,7 +142,7 @@ def fronts() -> str:
 
 
 def errors_by_flow(name: str, seeds: range) -> str:
-    """Where the estimate lies, by the day's mean flow: the reach's own settings."""
+    """Return a table of the errors by the day's mean flow, for the reach's own settings."""
     found: list[tuple[float, int]] = []
     for seed in seeds:
         season = simulate(load_scenario(ROOT / "configs" / "scenarios" / f"{name}.toml"), seed=seed)
@@ -161,7 +161,7 @@ def errors_by_flow(name: str, seeds: range) -> str:
 
 
 def main() -> None:
-    """Run all seeds, draw, and write the page."""
+    """Run all seeds, draw the picture, and write the page."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=20)
     seeds = parser.parse_args().seeds
@@ -183,32 +183,32 @@ def main() -> None:
                 ])  # fmt: skip
     season = simulate(load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml"))
     text = (
-        "# The hydraulic truth\n\nWritten by `make hydraulic-page`. Saint-Venant's full equations (1) carry the water "
-        "of `configs/scenarios/hydraulic.toml`;\nthe estimators do not use them.\n\n"
+        "# The hydraulic truth\n\nWritten by `make hydraulic-page`. The water of `configs/scenarios/hydraulic.toml` follows "
+        "the full Saint-Venant equations (1);\nthe estimators do not use them.\n\n"
         "## Froude number, bounds and arrival agree\n\n![travel time over the discharge](pictures/travel_time.png)\n\n"
         f"Froude number {times.froude.min():.2f} to {times.froude.max():.2f}. The arrival of a small step in the full "
         f"equations and that along the characteristic differ by at most\n{worst:.1%} over 100-800 m3/s; both lie within "
         "the bounds (5), near the gravity wave's.\n\n"
-        "## A season from outside, beside the paper's year\n\n"
+        "## Observables of a season, and of the paper's year\n\n"
         + observables(season).table()
-        + "\nThe level moves more than in the paper's year: a dam that passes a step on at once lowers the water before "
-        "it by\nthe step over width times celerity, whatever the storage, until the wave arrives.\n\n"
-        f"## Table VI on it\n\n{seeds} seeds of 332 days each; mean, lowest and highest seed. Right is the arrival of the "
+        + "\nThe level moves more than in the paper's year. A dam that passes a step on at once lowers the upstream level "
+        "by\nthe step over width times celerity, whatever the storage, until the wave arrives.\n\n"
+        f"## Table VI on these seasons\n\n{seeds} seeds of 332 days each; mean, lowest and highest seed. The true delay is the arrival of the "
         "wave.\n\n"
         + table(["reach", "settings", "", "exact [%]", "within one sample [%]"], rows)
-        + "\n## Where it fails\n\nBy the day's flow, the reach's own settings, estimate less truth in samples (share of days), "
+        + "\n## Errors\n\nBy the day's flow, the reach's own settings, estimate less truth in samples (share of days), "
         "8.2 km:\n\n"
         + errors_by_flow("hydraulic", range(100, 104))
         + "\n12 km:\n\n"
         + errors_by_flow("hydraulic_long", range(100, 104))
-        + "\nThe front of a step is not sharp at the gauge. Rate of rise at the first lags on which it can be seen, as a "
+        + "\nThe front of a step is not sharp at the gauge. Rate of rise at the first lags at which it is visible, as a "
         "share of\nthe storage's rate (step / surface):\n\n"
         + fronts()
-        + "\nThe wave arrives with most of its height within two lags, the rest follows while friction and reflection "
-        "spread it.\nWhere the front falls between two samples, the jump that the method looks for has two parts, and the "
-        "estimate may be late\nby one. On 12 km the feedback and the level's own slow swing come between departure and "
-        "arrival: on some days the\nestimate falls to lags where there is nothing. The prior's mode alone is within one "
-        "sample on nearly all days: the\nhydraulics know the reach better than a day's logs do.\n"
+        + "\nThe wave arrives with most of its height within two lags. The rest follows, spread by friction and reflection."
+        "\nIf the front is between two samples, the jump in the response is divided into two parts, and the estimate may be "
+        "late\nby one. On 12 km the feedback and the slow oscillation of the level act between departure and arrival, and on some days the\n"
+        "estimate is at lags without a response. The prior's mode alone is within one sample on nearly all days: the\n"
+        "hydraulics determine the delay better than the logs of a day.\n"
     )
     (ROOT / "docs" / "hydraulic.md").write_text(text, encoding="utf-8")
     print(text)

@@ -1,4 +1,4 @@
-"""Timing whole processes and functions side by side, in one run, on a machine that others use too."""
+"""Time processes and functions side by side, in one run, on a machine with other load."""
 
 import json
 import os
@@ -15,8 +15,11 @@ PYTHON = sys.executable
 
 @dataclass(frozen=True)
 class Usage:
-    """What a command took: wall time until it ended, and of it and all processes it started the processor
-    time and the memory of the largest; `own_mb` is the memory of the command itself."""
+    """Resources of a command, including all processes that it starts.
+
+    Wall time until it ends, total processor time, and the memory of the largest process. `own_mb` is the
+    memory of the command itself.
+    """
 
     seconds: float
     cpu: float
@@ -44,12 +47,12 @@ said.seek(0)
 said = said.read().decode()
 print(json.dumps([os.waitstatus_to_exitcode(status), seconds, cpu, usage.ru_maxrss, own.ru_maxrss, said]))
 """
-"""A small process in between: the peak memory that the system reports of a child is never below that of
-the process that started it."""
+"""Intermediate process. The system reports the peak memory of a child as at least that of the process that
+started it, so the launcher must be small."""
 
 
 def process(command: Sequence[str]) -> Usage:
-    """Run a command to its end; peak memory is that of its largest process."""
+    """Run a command to its end. The peak memory is that of its largest process."""
     surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     words = [PYTHON, "-I", "-S", "-c", LAUNCHER, *command]
     answer = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=True).stdout
@@ -62,19 +65,19 @@ def process(command: Sequence[str]) -> Usage:
 def in_turn(
     commands: dict[str, Sequence[str]], runs: int, before: Callable[[str], None]
 ) -> dict[str, list[Usage]]:
-    """Run commands A B A B ..., so that a slow minute of the machine meets all of them."""
+    """Run commands in the order A B A B ..., so that load on the machine affects all of them equally."""
     usages: dict[str, list[Usage]] = {name: [] for name in commands}
     for turn in range(runs + 1):
         for name, command in commands.items():
             before(name)
             usage = process(command)
-            if turn:  # the first warms the file cache
+            if turn:  # the first turn fills the file cache
                 usages[name].append(usage)
     return usages
 
 
 def functions_in_turn(functions: dict[str, Callable[[], object]], runs: int) -> dict[str, list[float]]:
-    """Seconds of each call, the functions in turn."""
+    """Return the seconds of each call, with the functions in turn."""
     seconds: dict[str, list[float]] = {name: [] for name in functions}
     for turn in range(runs + 1):
         for name, function in functions.items():
@@ -86,12 +89,12 @@ def functions_in_turn(functions: dict[str, Callable[[], object]], runs: int) -> 
 
 
 def median(values: Sequence[float]) -> float:
-    """Median."""
+    """Return the median."""
     return statistics.median(values)
 
 
 def machine() -> str:
-    """The machine in one line."""
+    """Describe the machine in one line."""
     model = platform.processor() or platform.machine()
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as file:
@@ -102,6 +105,6 @@ def machine() -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
+    """Format a Markdown table."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
     return "\n".join(lines) + "\n"

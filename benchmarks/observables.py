@@ -1,4 +1,4 @@
-"""Numbers of sections II and VI of the paper, from the logs of a simulated season and its true delays."""
+"""Compute numbers of sections II and VI of the paper from a simulated season and its true delays."""
 
 from dataclasses import dataclass
 
@@ -8,26 +8,26 @@ from rivid.simulation import Season
 from rivid.types import Floats
 
 ORDER = 30
-"""Columns of U whose condition number is taken."""
+"""Columns of U for the condition number."""
 
 
 @dataclass(frozen=True)
 class Observables:
-    """Numbers of sections II and VI, from the logs alone but for the last."""
+    """Numbers of sections II and VI. All but the delays are computed from the logs."""
 
     days: int  # with data
     discharge_lowest: float  # extremes of the daily mean discharge at the downstream dam [m3/s]
     discharge_highest: float
     below_500: float  # share of days with a mean discharge below 500 m3/s
-    discharge_range: float  # peak-to-peak of the discharge over a day, mean of days [m3/s]
-    level_range: float  # peak-to-peak of the level over a day, mean of days [m]
+    discharge_range: float  # mean over days of the daily peak-to-peak discharge [m3/s]
+    level_range: float  # mean over days of the daily peak-to-peak level [m]
     level_drop: float  # median daily level less the mean of the tenth of days with the highest discharge [m]
     condition_median: float  # condition number of U'U
-    condition_high: float  # 95 % of days stay below it
+    condition_high: float  # 95 % of days are below it
     delays: dict[int, int]  # days of each true delay [samples]
 
     def table(self) -> str:
-        """The numbers and the paper's as a Markdown table."""
+        """Format the numbers and those of the paper as a Markdown table."""
         delays = ", ".join(f"{d}: {n} days" for d, n in self.delays.items())
         rows = [
             ("days", "332", f"{self.days}"),
@@ -68,7 +68,7 @@ def observables(season: Season) -> Observables:
 
 
 def condition_numbers(inflow: Floats, order: int = ORDER) -> Floats:
-    """Condition number of U'U of each day, shape (days,).
+    """Return the condition number of U'U of each day, shape (days,).
 
     The M = `order` columns of U are lags of the inflow [m3/s], shape (days, N), less its first sample.
     """

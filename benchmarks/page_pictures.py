@@ -1,9 +1,10 @@
-"""The report page of a run as a browser shows it: wide, narrow, dark, enlarged and printed.
+"""Check the report page of a run in a browser: wide, narrow, dark, enlarged and printed.
 
 Usage: python -m benchmarks.page_pictures OUT [--keep PICTURE.png] [--into FOLDER]
 
-OUT is that of `rivid run`. Fails where the page asks for another file, complains, is wider than a narrow screen,
-has text that is hard to read, does not enlarge its figures, or is printed with a figure cut in two.
+OUT is the folder of `rivid run`. The check fails if the page requests another file, logs to the console, is
+wider than a narrow screen, has text of low contrast, does not enlarge its figures, or prints a figure across
+two pages.
 """
 
 import io
@@ -19,13 +20,13 @@ WIDE, NARROW = 1100, 420
 """Widths of the two screens [CSS pixels]."""
 
 TOP = 1400
-"""The picture that is kept shows so much of the page from the top [CSS pixels]."""
+"""Height of the page in the picture of the readme, from the top [CSS pixels]."""
 
 MOST_BYTES = 400_000
-"""The picture that is kept is no larger."""
+"""Largest size of the picture of the readme [bytes]."""
 
 READABLE = 4.5
-"""Least contrast of text, by the Web Content Accessibility Guidelines 2.2, AA."""
+"""Smallest contrast of text, by the Web Content Accessibility Guidelines 2.2, AA."""
 
 SHOWN = """Promise.all([...document.images].map(i => i.decode().then(() => '', () => i.src.slice(0, 60))))
   .then(all => all.filter(Boolean))"""
@@ -63,7 +64,7 @@ OPEN = """(() => { const e = document.querySelector('.card:popover-open'); if (!
 
 
 def faults(tab: Tab, page: Path, into: Path) -> list[str]:
-    """Look at a page in every way, keep pictures of it, and say what is wrong with it.
+    """Render a page in several ways, write pictures of it, and return its faults.
 
     Parameters
     ----------
@@ -96,12 +97,12 @@ def faults(tab: Tab, page: Path, into: Path) -> list[str]:
     found += cut((into / "print.pdf").read_bytes(), figures)
     others = [address for address in tab.requests if address != page.resolve().as_uri()]
     found += [f"asks for {address}" for address in others]
-    found += [f"the console says: {text}" for text in tab.complaints]
+    found += [f"console message: {text}" for text in tab.complaints]
     return found
 
 
 def _enlarged(tab: Tab, into: Path) -> list[str]:
-    """A click on each figure enlarges it to the whole window, Esc puts it back where it was."""
+    """Check that a click on each figure enlarges it to the whole window, and that Esc closes it in place."""
     found = []
     tab.size(1600, 900)
     for which in range(tab.value("document.querySelectorAll('.zoom').length")):
@@ -125,14 +126,14 @@ def _enlarged(tab: Tab, into: Path) -> list[str]:
 
 
 def cut(pdf: bytes, figures: int) -> list[str]:
-    """Figures of a printed page that lie on two sheets, or on none.
+    """Count the figures of a printed page that are divided between two sheets, and the missing ones.
 
     Parameters
     ----------
     pdf : bytes
-        As Chromium writes it: an image is one object, however often it is shown.
+        Output of Chromium: an image is one object, however often it is shown.
     figures : int
-        Images of the page.
+        Number of images of the page.
     """
     images = {
         int(found[1])
@@ -152,7 +153,7 @@ def cut(pdf: bytes, figures: int) -> list[str]:
 
 
 def keep(tab: Tab, page: Path, path: Path) -> int:
-    """Write the top of the page as a picture of 256 colours; gives its size [bytes]."""
+    """Write the top of the page as a picture of 256 colours; return its size [bytes]."""
     from PIL import Image
 
     tab.size(WIDE, TOP)
@@ -166,11 +167,13 @@ def keep(tab: Tab, page: Path, path: Path) -> int:
 
 
 def main() -> int:
-    """Check OUT's page; write the pictures."""
+    """Check the page of OUT, and write the pictures."""
     parser = ArgumentParser(prog="python -m benchmarks.page_pictures", description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="OUT of a run")
-    parser.add_argument("--keep", type=Path, help="where the top of the page goes, for the readme")
-    parser.add_argument("--into", type=Path, default=Path("out/page_pictures"), help="folder of the others")
+    parser.add_argument("--keep", type=Path, help="file of the top of the page, for the readme")
+    parser.add_argument(
+        "--into", type=Path, default=Path("out/page_pictures"), help="folder of the other pictures"
+    )
     given = parser.parse_args()
     page, program = given.out / "report.html", installed()
     if not page.is_file():

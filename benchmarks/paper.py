@@ -1,7 +1,7 @@
-"""The paper's claims beside what this year shows; writes docs/paper.md and docs/pictures/paper_*.png.
+"""Compare the paper's claims with the sample year; write docs/paper.md and docs/pictures/paper_*.png.
 
-Every number is measured here. A claim holds or not by a condition on what is measured; where it does not, other
-simulated worlds tell whether the year or the method is the reason.
+Every number is measured here. A claim holds or not by a condition on the measured values. If it does not
+hold, other simulated worlds show whether the year or the method is the reason.
 
 Usage: python -m benchmarks.paper [--seeds N]
 """
@@ -64,7 +64,7 @@ THIRD = 3
 
 
 def sample_year() -> tuple[Year, World]:
-    """The year of sample_data, and its truth."""
+    """Return the year of sample_data, and its truth."""
     year = read_year(ROOT / "sample_data" / "basse_isere", load_config(ROOT / "configs" / "basse_isere.toml"))
     truth = json.loads((ROOT / "sample_data" / "basse_isere_truth.json").read_text(encoding="utf-8"))
     days = {day["date"]: day for day in truth["days"]}
@@ -77,7 +77,7 @@ def sample_year() -> tuple[Year, World]:
 
 
 def prior_part(w: World, others: dict[str, list[float]]) -> str:
-    """How much of Fig. 18c is the prior."""
+    """Return the section on how much of Fig. 18c is due to the prior."""
     rows = []
     for scale in (3.0, 5.0, 6.5, 8.0, 10.0, 13.0):
         r, s = jmap(w.u, w.y, delay_scale=scale), jmap(*shuffled(w), delay_scale=scale)
@@ -102,17 +102,17 @@ def prior_part(w: World, others: dict[str, list[float]]) -> str:
             ],
             rows,
         )
-        + "\nShuffled days take u from one day and y from another: there is nothing to find. "
-        f"With sigma_d = 6.5 the answer is {either(of_none)} on {pc(share_none)} of them, {either(pair)} on {pc(share)} of the real days. The answer goes where sigma_d "
-        f"goes: {moved[0]} at 3, {moved[2]} at 6.5, {moved[-1]} at 13. Without the prior (alpha estimated, uniform) 6 or 7 has {pc(at(j['estimated'].delay, 6, 7))}, on shuffled days "
-        f"{pc(at(j['shuffled estimated'].delay, 6, 7))}: by themselves the data point there on {pc(gain)} of days more than chance (other years {spread(others['alpha estimated at 6 or 7'])} and "
+        + "\nShuffled days take u from one day and y from another: they contain no delay. "
+        f"With sigma_d = 6.5 the answer is {either(of_none)} on {pc(share_none)} of them, {either(pair)} on {pc(share)} of the real days. The answer follows sigma_d"
+        f": {moved[0]} at 3, {moved[2]} at 6.5, {moved[-1]} at 13. Without the prior (alpha estimated, uniform) the answer is 6 or 7 on {pc(at(j['estimated'].delay, 6, 7))}, on shuffled days "
+        f"{pc(at(j['shuffled estimated'].delay, 6, 7))}: the data alone give 6 or 7 on {pc(gain)} of days more than chance (other years {spread(others['alpha estimated at 6 or 7'])} and "
         f"{spread(others['alpha estimated at 6 or 7, shuffled days'])} %). Always answering the prior's mode, {mode}, is within one sample on {pc(within(np.full(len(w.truth), float(mode)), w))} of days, Table VI on {pc(within(j['rayleigh'].delay, w))}. "
-        "So a concentration like that of Fig. 18c needs no river: the prior gives it, at the place that the hydraulics give sigma_d. More in [accuracy.md](accuracy.md).\n"
+        "A concentration like that of Fig. 18c can therefore be obtained without the reach: it is due to the prior, at the place of sigma_d from the hydraulics. More in [accuracy.md](accuracy.md).\n"
     )
 
 
 def read_24(w: World) -> Readings:
-    """The delays of every third day, for each reading of (24)."""
+    """Return the delays of every third day, for each reading of (24)."""
     ways: dict[str, dict[str, Any]] = {
         "Rayleigh prior": {"scale": 6.5},
         "uniform prior, alpha estimated": {},
@@ -129,7 +129,7 @@ def read_24(w: World) -> Readings:
 
 
 def equation_24(w: World, readings: Readings) -> str:
-    """What each reading of the lost equation gives."""
+    """Return the section on the readings of the lost equation."""
     few = World(w.inflow[::THIRD], None, w.level[::THIRD], w.truth[::THIRD], w.other[::THIRD])
     rows = []
     for reading, found in readings.items():
@@ -148,17 +148,17 @@ def equation_24(w: World, readings: Readings) -> str:
             ],
             rows,
         )
-        + "\nSection I speaks of a response that varies slowly except at the delay, Fig. 10 of two discontinuities. With jumps at both places d = 1 cannot come out: "
+        + "\nSection I describes a response that varies slowly except at the delay, Fig. 10 one with two discontinuities. With jumps at both places d = 1 cannot be the answer: "
         "the rows that D_1 sets to zero are among those of D_2. With a jump at the delay alone JMAPdeg gives d = 1, as the paper reports, "
-        f"on {rows[1][4]} of days, but so does the uniform prior, on {rows[1][3]}, unlike Fig. 18b, and it finds the delay on {rows[1][2]} of days against {rows[0][2]}: "
-        "the response to a dam has its first jump at lag 1, and a delay of 1 is where a single jump goes. With the Rayleigh prior the readings give 6 or 7 on "
+        f"on {rows[1][4]} of days, but so does the uniform prior, on {rows[1][3]}, unlike Fig. 18b, and it finds the delay on {rows[1][2]} of days instead of {rows[0][2]}: "
+        "the response to a dam has its first jump at lag 1, and a single jump is placed there by a delay of 1. With the Rayleigh prior the readings give 6 or 7 on "
         f"{', '.join(row[1] for row in rows)}. "
-        "`[jmap] jumps` sets one of the first two; Fig. 10 and Fig. 18b speak for the first, which is the default. The last two are not settings: they are in benchmarks/paper_measures.py, for this table.\n"
+        "`[jmap] jumps` selects one of the first two; Fig. 10 and Fig. 18b support the first, which is the default. The last two are not settings: they are in benchmarks/paper_measures.py, for this table.\n"
     )
 
 
 def cascades() -> dict[str, list[CascadeReach]]:
-    """Fig. 19 on the cascade as it is, with linear reaches, and with linear reaches and nothing in the way."""
+    """Simulate the cascade of Fig. 19: as it is, with linear reaches, and linear without disturbances."""
     path = SCENARIOS / "cascade.toml"
     raw = load_scenario(path).model_dump(exclude_unset=True)
     raw.pop("channel", None)
@@ -178,7 +178,7 @@ def cascades() -> dict[str, list[CascadeReach]]:
 
 
 def fig_19(found: dict[str, list[CascadeReach]]) -> str:
-    """The cascade's intervals."""
+    """Return the section on the cascade's intervals."""
 
     def width(pair: tuple[int, int]) -> int:
         return pair[1] - pair[0]
@@ -217,16 +217,16 @@ def fig_19(found: dict[str, list[CascadeReach]]) -> str:
             ],
             rows,
         )
-        + f"\nBeside it stands `posterior`, which the paper does not have: with the full equations its interval is at most half of the operators' on {sure} of {len(found[first])} reaches."
-        + "\n\nA simulation has no empirical values of operators: they are taken as the gravity wave's travel time in the middle of the usual discharges, and three T_s either side, "
-        "which for 8.2 km is the paper's 5 to 11. With the full equations the dam's own wave is the reason: whatever is let out lowers the level before the dam at once, the response of the third reach has a spike at lag 1, "
-        f"{spike:.0f} times as deep as what follows, and D_d, which knows two jumps only, spends the second on it (d = 2). "
-        f"With linear reaches it is the year's noise: {count(linear, 0)} of three are halved as it is, {count(clear, 0)} of three with a perfect gauge, no unlogged inflow and exact operators.\n"
+        + f"\nThe table also has `posterior`, which is not in the paper: with the full equations its interval is at most half of the operators' on {sure} of {len(found[first])} reaches."
+        + "\n\nA simulation has no empirical values of operators. They are replaced by the gravity wave's travel time in the middle of the usual discharges, and three T_s on both sides, "
+        "which for 8.2 km is the paper's 5 to 11. With the full equations the dam's own wave is the reason: a release lowers the level upstream of the dam at once, the response of the third reach has a spike at lag 1, "
+        f"{spike:.0f} times as deep as the following values, and D_d, which has two jumps only, uses the second for it (d = 2). "
+        f"With linear reaches the noise of the year is the reason: {count(linear, 0)} of three are halved as it is, {count(clear, 0)} of three with a perfect gauge, no unlogged inflow and exact operators.\n"
     )
 
 
 def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
-    """The same measures in other worlds."""
+    """Return the section on other worlds, and the measures of the sample year's kind."""
     names = [*WORLDS, MODEL]
     with ProcessPoolExecutor(1, mp_context=get_context("forkserver")) as pool:
         answers = list(pool.map(every_year, names, [range(101, 101 + seeds)] * len(names)))
@@ -250,10 +250,10 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
     text = (
         "\n## The year or the method?\n\n"
         f"The same measures over {seeds} simulated years of each world, per cent of days, mean with the lowest and highest year. True delays are 6 to 8. "
-        '"Operators exact": equal gains, commands and set-points without steps, no differences between shifts. "All three": perfect gauge, no unlogged inflow, exact operators. "Operators at intervals": they look every 10 to 30 minutes or when the inflow moves, and let 2 cm be. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
+        '"Operators exact": equal gains, commands and set-points without steps, no differences between shifts. "All three": perfect gauge, no unlogged inflow, exact operators. "Operators at intervals": they act every 10 to 30 minutes or when the inflow changes, with a dead band of 2 cm. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
         + table(["", *names], rows)
-        + f"\n- Direct and indirect search lie at the bounds on more than half of the days in every world with operators; a constant and a ramp beside (8) bring the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
-        f"within one sample, from {m('no unlogged inflow', ramp[0])} to {m('no unlogged inflow', ramp[1])} where no inflow is unlogged: the unbalanced first sample is the reason, then the unlogged inflow. "
+        + f"\n- The direct and the indirect search are at the bounds on more than half of the days in every world with operators. A constant and a ramp in addition to (8) change the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
+        f"within one sample, from {m('no unlogged inflow', ramp[0])} to {m('no unlogged inflow', ramp[1])} without unlogged inflow: the unbalanced first sample is the reason, then the unlogged inflow. "
         f"The indirect one goes from {m(YEAR, turn[0])} to {m(YEAR, turn[1])}; where the level is (10) itself, from {m(MODEL, turn[0])} to {m(MODEL, turn[1])}.\n"
         f"- The first jump, h[0] > h[1] (JMAP): {m(YEAR, first)} as it is, {m('operators exact', first)} with exact operators, {m('operators at intervals', first)} with operators at intervals, {m(MODEL, first)} where y is (10) itself.\n"
         f"- Uniform prior, alpha estimated, within one sample: {m(YEAR, free)} as it is, {m('perfect gauge', free)} with a perfect gauge, {m('no unlogged inflow', free)} without unlogged inflow, "
@@ -261,14 +261,14 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, {m('perfect gauge', alike)} with a perfect gauge, {m('operators exact', alike)} with exact operators, {m('all three', alike)} with all three, "
         f"{m('operators at intervals', alike)} with operators at intervals.\n"
         f"- Rayleigh prior at 6 or 7: {m(YEAR, rayleigh)} as it is, {m('operators at intervals', rayleigh)} with operators at intervals, {m('perfect gauge', rayleigh)} with a perfect gauge.\n"
-        f"- Full equations: the front is spread ([hydraulic.md](hydraulic.md)), 6 or 7 has {m('full equations', rayleigh)}.\n"
+        f"- Full equations: the front is spread ([hydraulic.md](hydraulic.md)), the answer is 6 or 7 on {m('full equations', rayleigh)}.\n"
         f"- On shuffled days the Rayleigh prior gives 6 or 7 on {min(m_(n, nothing) for n in names):.0f} to {max(m_(n, nothing) for n in names):.0f} %, whatever the world.\n"
     )
     return text, found[YEAR]
 
 
 def pictures(year: Year, reaches: list[CascadeReach]) -> float:
-    """Draw the figures, keep some of them for the page; gives the seconds."""
+    """Draw the figures, copy some of them for the page, and return the duration [s]."""
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         draw_paper(year, estimate(year), reaches, Path(folder))
@@ -298,13 +298,13 @@ def main() -> None:
     halved = all(np.ptp(r.estimated) <= np.ptp(r.empirical) / 2 for r in next(iter(row.values()))[:3])
     same = sum(bool(claim.same) for claim in claims)
     text = (
-        "# The paper's figures and claims, beside ours\n\n"
-        "Written by `make paper-page`; every number is measured by it. The year is simulated (`sample_data/basse_isere`, a reach with the character of Table I), its true delays are known, "
-        f"{len(w.truth)} data sets of {w.u.shape[1]} samples. It was set from what the paper states of reach, flows and operators ([how](../sample_data/basse_isere/README.md)), never from the result of an estimator. Shares are of days; in brackets "
+        "# The paper's figures and claims, and ours\n\n"
+        "Written by `make paper-page`, which measures every number. The year is simulated (`sample_data/basse_isere`, a reach with the character of Table I), its true delays are known, "
+        f"{len(w.truth)} data sets of {w.u.shape[1]} samples. It was set up from the paper's information on reach, flows and operators ([how](../sample_data/basse_isere/README.md)), never from the result of an estimator. Shares are of days; in brackets "
         f"{seeds} other simulated years of the same kind, mean with lowest and highest. The figures themselves: `rivid figures OUT --paper`.\n\n"
-        "**The rule.** A claim is the same if the condition in the column *same if* holds for the sample year, else it is not; a number of the paper counts as met within about its own precision, an observation in words as "
-        "met on most days. The conditions are code, in benchmarks/paper_claims.py; they were fixed before the present sample year was made, with two exceptions: the row of the first jump is new, and the jump of the MAP is measured at the true delay of each day, not at lag 7. Reasons have no part in the verdict.\n\n"
-        f"{same + halved} of {len(claims) + 1} claims come out the same: {same} of {len(claims)} in the table; that of Fig. 19, in its own section, does {'' if halved else 'not '}come out.\n\n"
+        "**The rule.** A claim is the same if the condition in the column *same if* holds for the sample year. A number of the paper counts as met within about its own precision, a qualitative observation as "
+        "met on most days. The conditions are code, in benchmarks/paper_claims.py. They were fixed before the present sample year was made, with two exceptions: the row of the first jump is new, and the jump of the MAP is measured at the true delay of each day, not at lag 7. The reasons do not affect the verdict.\n\n"
+        f"{same + halved} of {len(claims) + 1} claims are the same: {same} of {len(claims)} in the table; that of Fig. 19, in its own section, is {'' if halved else 'not '}the same.\n\n"
         + table(["Fig.", "the paper", "same if", "here", "", "why"], [claim.row for claim in claims])
         + "\n![histograms of the JMAP](pictures/paper_histograms.png)\n\n![one day](pictures/paper_day.png)\n\n"
         "![exhaustive search](pictures/paper_search.png)\n\n![time-day representation](pictures/paper_tdr.png)\n"

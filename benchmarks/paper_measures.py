@@ -1,4 +1,4 @@
-"""Measures behind the paper's claims, on simulated years with known delays."""
+"""Compute the measures behind the paper's claims, on simulated years with known delays."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,16 +39,17 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "operators at intervals": ("intermittent", {"reach": {"wave_depth": 4.9}}),
     "full equations": ("hydraulic", {}),
 }
-"""Simulated worlds: what each is called, and how its scenario differs."""
+"""Simulated worlds: name, scenario, and changes of the scenario."""
 
 MODEL = "the model itself: (10) and white noise"
 MODEL_NOISE = 0.004
-"""Standard deviation of the white noise of :data:`MODEL` [m]: what the sample year's gauge has, its step included."""
+"""Standard deviation of the white noise of :data:`MODEL` [m]: that of the sample year's gauge, its resolution
+included."""
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Days of logs, deviations and true delays; arrays of shape (days, N), truth (days,)."""
+    """Days of logs and true delays; arrays of shape (days, N), truth (days,)."""
 
     inflow: Floats
     outflow: Floats | None
@@ -68,7 +69,7 @@ class World:
 
 
 def changed(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> Scenario:
-    """A scenario with some of its settings changed."""
+    """Return a scenario with some settings changed."""
     raw = scenario.model_dump(exclude_unset=True)
     for name, values in tables.items():
         raw[name] = {**raw.get(name, {}), **values}
@@ -76,7 +77,7 @@ def changed(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> Scenario:
 
 
 def of_season(season: Season) -> World:
-    """The world of a simulated season."""
+    """Return the world of a simulated season."""
     return World(
         season.inflow,
         season.outflow,
@@ -87,7 +88,7 @@ def of_season(season: Season) -> World:
 
 
 def world(name: str, seed: int) -> World:
-    """One year of a world."""
+    """Simulate one year of a world."""
     if name == MODEL:
         season = simulate(load_scenario(SCENARIOS / "basse_isere.toml"), seed)
         reach, people = season.scenario.reach, season.scenario.operators
@@ -106,17 +107,17 @@ def world(name: str, seed: int) -> World:
 
 
 def at(delay: Floats, *values: int) -> float:
-    """Share of days at these delays."""
+    """Return the share of days at these delays."""
     return float(np.isin(delay, values).mean())
 
 
 def between(delay: Floats, low: int, high: int) -> float:
-    """Share of days from one delay to another."""
+    """Return the share of days between two delays, both included."""
     return float(((delay >= low) & (delay <= high)).mean())
 
 
 def two(delay: Floats) -> tuple[tuple[int, int], float]:
-    """The two most frequent delays, and their share of days."""
+    """Return the two most frequent delays, and their share of days."""
     values, days = np.unique(delay[np.isfinite(delay)], return_counts=True)
     top = np.argsort(-days, kind="stable")[:2]
     pair = sorted(int(v) for v in values[top])
@@ -124,23 +125,23 @@ def two(delay: Floats) -> tuple[tuple[int, int], float]:
 
 
 def within(delay: Floats, w: World, by: int = 1) -> float:
-    """Share of days within so many samples of the truth."""
+    """Return the share of days within `by` samples of the truth."""
     error = np.minimum(np.abs(delay - w.truth), np.abs(delay - w.other))
     return float((error <= by).mean())
 
 
 def largest_jump(fir: Floats, d_max: int = 15) -> Floats:
-    """The delay at which a response rises most from one lag to the next, of 1 to d_max."""
+    """Return the delay, of 1 to d_max, at which a response rises most between two lags."""
     return 1.0 + np.argmax(np.diff(fir, axis=1)[:, 1 : d_max + 1], axis=1)
 
 
 def first_jump(fir: Floats) -> float:
-    """Share of days on which h[0] > h[1]."""
+    """Return the share of days on which h[0] > h[1]."""
     return float((fir[:, 0] > fir[:, 1]).mean())
 
 
 def with_line(w: World, order: int = 30) -> Floats:
-    """The ML response with a constant and a ramp of the level beside (16)."""
+    """Return the ML response with a constant and a ramp of the level in addition to (16)."""
     line = np.stack([np.ones(w.u.shape[1]), np.linspace(-1.0, 1.0, w.u.shape[1])], axis=1)
     rows = []
     for u, y in zip(w.u, w.y, strict=True):
@@ -150,20 +151,20 @@ def with_line(w: World, order: int = 30) -> Floats:
 
 
 def by_eye(fir: Floats, days: int = 15) -> Floats:
-    """The same of the mean response of neighbouring days: what an eye does along a grey picture."""
+    """Return :func:`largest_jump` of the mean response of neighbouring days, as in a visual inspection."""
     padded = np.pad(fir, ((days // 2, days // 2), (0, 0)), mode="edge")
     smooth = np.stack([padded[i : i + days].mean(axis=0) for i in range(len(fir))])
     return largest_jump(smooth)
 
 
 def shuffled(w: World) -> tuple[Floats, Floats]:
-    """u of one day, y of another: nothing to find."""
+    """Return u of one day with y of another, which contain no delay."""
     elsewhere = np.roll(np.arange(len(w.u)), len(w.u) // 3)
     return w.u[elsewhere], w.y
 
 
 def jmaps(w: World) -> dict[str, JmapResult]:
-    """The JMAP with each prior."""
+    """Estimate the JMAP with each prior."""
     u, y = w.u, w.y
     return {
         "uniform": jmap(u, y, prior="uniform", alpha=DEFAULT_ALPHA),
@@ -177,7 +178,7 @@ def jmaps(w: World) -> dict[str, JmapResult]:
 
 
 def measure(w: World) -> dict[str, float]:
-    """The shares that the paper's claims are about."""
+    """Compute the shares of days of the paper's claims."""
     j = jmaps(w)
     straight = ml(w.u, w.y)
     found: dict[str, float] = {}
@@ -217,10 +218,11 @@ def measure(w: World) -> dict[str, float]:
 
 
 def with_ramp(w: World, approach: str, d_max: int = 15) -> Floats:
-    """The direct (8) or the indirect approach (10) with a constant and a ramp beside it: the delays.
+    """Estimate delays by the direct (8) or the indirect approach (10) with a constant and a ramp.
 
-    Both count from the day's first sample as if it were stationary. Where in- and outflow do not balance then, the
-    difference adds up to a ramp of the (filtered) level, which the filtered inflow at another lag can copy.
+    Both approaches assume that the day's first sample is stationary. If in- and outflow are not balanced
+    then, the difference accumulates to a ramp of the (filtered) level, which the filtered inflow at another
+    lag can imitate.
     """
     u = np.cumsum(w.u, axis=1)
     n, N = u.shape
@@ -242,14 +244,14 @@ def with_ramp(w: World, approach: str, d_max: int = 15) -> Floats:
 
 
 def _integrated(inflow: Floats, outflow: Floats, delay: int, alpha: float) -> Floats:
-    """Equation (8), flows zero before the first sample."""
+    """Integrate equation (8), with zero flows before the first sample."""
     late = np.concatenate([np.zeros(delay + 1), inflow])[: len(inflow)]
     before = np.concatenate([[0.0], outflow])[: len(outflow)]
     return np.asarray(alpha * np.cumsum(late - before))
 
 
 def reach_alone(w: World, noise: float = MODEL_NOISE) -> World:
-    """The same commands, and the level that (8) itself gives them: balanced at the first sample, white noise."""
+    """Return the same commands with the level of (8): balanced at the first sample, with white noise."""
     assert w.outflow is not None
     alpha = 133.0 / 6.7e5
     rng = np.random.default_rng(1)
@@ -259,16 +261,16 @@ def reach_alone(w: World, noise: float = MODEL_NOISE) -> World:
 
 
 READINGS = {
-    "free": "both rows across a jump cost nothing, at lags 1 and d + 1 (ours)",
-    "delay": 'the same at d + 1 alone (`jumps = "delay"`)',
-    "slope": "after a jump the slope is paid for",
+    "free": "both rows across a jump are zero, at lags 1 and d + 1 (ours)",
+    "delay": 'the same at d + 1 only (`jumps = "delay"`)',
+    "slope": "the slope after a jump is penalised",
     "restart": "the response starts from zero after each jump",
 }
 """Readings of (24), on a page that is lost."""
 
 
 def freed(order: int, delay: int, reading: str) -> Floats:
-    """D_d of (24) in one of :data:`READINGS`."""
+    """Return D_d of (24) in one of :data:`READINGS`."""
     D = np.eye(order) - 2 * np.eye(order, k=-1) + np.eye(order, k=-2)
     if reading == "delay":
         D[delay + 1 : delay + 3] = 0.0
@@ -287,7 +289,7 @@ def freed(order: int, delay: int, reading: str) -> Floats:
 def table_vi(
     u: Floats, y: Floats, reading: str, *, inverse_gamma: bool = True, scale: float = np.inf, order: int = 30
 ) -> int:
-    """Table VI transcribed, for one reading of (24): the delay; an infinite scale is the uniform prior."""
+    """Return the delay by a transcription of Table VI for a reading of (24); `scale` inf: uniform prior."""
     U = toeplitz(u, np.zeros(order))
     G, b, d_max = U.T @ U, U.T @ y, 15
     D = {d: freed(order, d, reading) for d in range(1, d_max + 1)}
@@ -312,7 +314,7 @@ def table_vi(
 
 
 def every_year(name: str, seeds: range) -> dict[str, list[float]]:
-    """Each measure over the years of a world."""
+    """Return each measure for the years of a world."""
     found: dict[str, list[float]] = {}
     for seed in seeds:
         for key, value in measure(world(name, seed)).items():
@@ -321,7 +323,7 @@ def every_year(name: str, seeds: range) -> dict[str, list[float]]:
 
 
 def rank_correlation(a: Floats, b: Floats) -> float:
-    """Spearman's, with mean ranks for equals."""
+    """Return Spearman's rank correlation, with mean ranks for ties."""
     from scipy.stats import spearmanr
 
     return float(spearmanr(a, b).statistic)

@@ -1,4 +1,4 @@
-"""Speed and memory: ratios measured side by side in one run, medians; writes docs/performance.md.
+"""Measure speed and memory: medians of ratios measured side by side in one run; write docs/performance.md.
 
 Usage: python -m benchmarks.performance [--quick] [--only PART ...]
 """
@@ -31,7 +31,7 @@ CONFIG = ROOT / "configs" / "basse_isere.toml"
 
 
 def core(season: Season) -> str:
-    """The fast estimator against the plain transcription of Table VI."""
+    """Compare the fast estimator with the plain transcription of Table VI."""
     u = season.inflow[:, :649] - season.inflow[:, :1]
     y = season.level[:, :649] - season.level[:, :1]
     few = slice(0, 40)
@@ -55,7 +55,7 @@ def core(season: Season) -> str:
     rows = [
         ["Table VI, plain transcription, U'U once a day", f"{median(slow):.0f} us a day", "1"],
         ["`jmap`, 332 days in one call", f"{median(quick):.0f} us a day", f"{ratio:.1f}"],
-        ["of which condition numbers, which the plain one lacks", f"{condition:.0f} us a day", ""],
+        ["of which condition numbers, not in the plain one", f"{condition:.0f} us a day", ""],
         ["`jmap` less condition numbers", f"{median(quick) - condition:.0f} us a day", f"{alone:.1f}"],
         ["`jmap`, a single day", f"{one:.1f} ms", ""],
     ]
@@ -65,11 +65,11 @@ def core(season: Season) -> str:
 
 
 STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.run, rivid.run.workers; rivid.run.workers.without_pandas()"
-"""What `rivid run` imports before it looks at its first file."""
+"""Imports of `rivid run` before it reads its first file."""
 
 
 def year(season: Season, work: Path, runs: int) -> str:
-    """A year of CSV days, end to end, against the floor."""
+    """Compare a year of CSV days, end to end, with the minimum of such a run."""
     data = work / "year"
     write(season, data, 1)
     out = work / "out"
@@ -101,13 +101,13 @@ def year(season: Season, work: Path, runs: int) -> str:
         )  # fmt: skip
     text = f"## A year of CSV days ({len(season.dates)} files), end to end\n\n"
     head = ["what", "wall time", "times the floor", "processor time", "largest process"]
-    text += table(head, rows) + "\nFigures are drawn by processes of their own, a core for each: what they "
-    text += "need of processor time they save of wall time, where there are cores to be had.\n\n"
+    text += table(head, rows) + "\nFigures are drawn by separate processes, each on a core of its own "
+    text += "if one is free: they add processor time and save wall time.\n\n"
     return text + every_day(data, work, runs)
 
 
 def every_day(data: Path, work: Path, runs: int) -> str:
-    """One new day in a finished year, against the start of Python and the imports."""
+    """Compare one new day in a finished year with the start-up of Python and the imports."""
     out, finished = work / "daily", work / "finished"
     last = max(data.glob("*.csv"))
     aside = work / "last.csv"
@@ -145,7 +145,7 @@ def every_day(data: Path, work: Path, runs: int) -> str:
 
 
 def scale(season: Season, work: Path, years: list[int]) -> str:
-    """Days per second and memory as the record grows; tables without figures, two workers."""
+    """Measure days per second and memory as the record grows: tables without figures, two workers."""
     rows = []
     for n in years:
         data, out = work / f"years{n}", work / f"out{n}"
@@ -159,7 +159,7 @@ def scale(season: Season, work: Path, years: list[int]) -> str:
 
 
 def fleet(season: Season, work: Path, reaches: list[int]) -> str:
-    """The same as the number of reaches grows, each with a year of CSV days."""
+    """Measure days per second and memory as the number of reaches grows, each with a year of CSV days."""
     rows = []
     for n in reaches:
         data, out = work / f"fleet{n}", work / f"out{n}"
@@ -194,11 +194,11 @@ Dask._begin, Dask._close = timed(Dask._begin), timed(Dask._close)
 atexit.register(lambda: place.write_text(json.dumps([sum(took[:-1]), took[-1]])))
 main()
 """
-"""`rivid`, with the seconds in which its cluster starts and ends written to a file."""
+"""Program `rivid` that writes the start and stop times of its cluster [s] to a file."""
 
 
 def engines(season: Season, work: Path, days: int, runs: int) -> str:
-    """Dask beside processes, both with two workers: one reach, Parquet logs."""
+    """Compare Dask with processes, both with two workers: one reach, Parquet logs."""
     data, out, cluster = work / "engines", work / "engines_out", work / "cluster.json"
     ends: list[tuple[float, float]] = []
     write_reach((season.inflow, season.outflow, season.level), season.sample_time, data, 1, days, "parquet")
@@ -224,12 +224,10 @@ def engines(season: Season, work: Path, days: int, runs: int) -> str:
         memory = [f"{max(u.own_mb for u in used):.0f} MB", f"{max(u.peak_mb for u in used):.0f} MB"]
         rows.append([name, f"{median([u.seconds for u in used]):.1f} s", f"{ratio:.2f}", *memory])
     head = ["engine", "wall time", "times processes", "the command itself", "largest process"]
-    text = (
-        f"## Dask beside processes, {days:,} days\n\nParquet logs of one reach, `jmap`, two workers, tables "
-    )
+    text = f"## Dask and processes, {days:,} days\n\nParquet logs of one reach, `jmap`, two workers, tables "
     start, end = (median(seconds) for seconds in zip(*ends[1:], strict=True))
-    text += f"without figures. The tables are the same bytes. The cluster starts in {start:.1f} s, imports "
-    text += f"included, and ends in {end:.1f} s. Goal, these aside: 1.05 times processes.\n\n"
+    text += f"without figures. The tables are identical. The cluster starts in {start:.1f} s, imports "
+    text += f"included, and stops in {end:.1f} s. Goal without these: 1.05 times processes.\n\n"
     return text + table(head, rows)
 
 
@@ -247,7 +245,7 @@ def _scaled(name: str, days: int, used: Usage) -> list[str]:
 
 
 def write(season: Season, data: Path, years: int) -> None:
-    """The season's days as CSV, over and over from 1900 on, each year with its own flow."""
+    """Write the season's days as CSV, repeated from 1900 on, with another flow each year."""
     data.mkdir(parents=True)
     date = dt.date(1900, 1, 1)
     for year in range(years):
@@ -279,10 +277,10 @@ PARTS: dict[str, Callable[[Season, Path, bool], str]] = {
 
 
 def main() -> None:
-    """Run all, or some parts, print, and write docs/performance.md."""
+    """Run all or some parts, print them, and write docs/performance.md."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="fewer runs, shorter; writes nothing")
-    parser.add_argument("--only", nargs="+", choices=PARTS, help="print these parts; writes nothing")
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs, no page")
+    parser.add_argument("--only", nargs="+", choices=PARTS, help="print these parts, no page")
     given = parser.parse_args()
     quick = given.quick
     threadpool_limits(1)

@@ -1,4 +1,4 @@
-"""t50 with its probability, on simulated rivers and on the measured one; writes docs/accuracy_river.md.
+"""Evaluate t50 with its probability on simulated and measured rivers; write docs/accuracy_river.md.
 
 Usage: python -m benchmarks.posterior_river [--rivers N]
 """
@@ -22,7 +22,7 @@ from rivid.core.settings import RiverSettings
 
 Floats = NDArray[np.float64]
 DAY, FINE, STEADY = 96, 3, 4
-"""Samples a day, steps of the simulation in one, and days before the first that is used."""
+"""Samples per day, simulation steps per sample, and days before the first one that is used."""
 KINDS = ("diffusive wave", "with exchange", "storage cascade")
 REACHES = (
     ("Lees Ferry to mile 30", "glen_canyon_rm30", {}, 26),
@@ -30,11 +30,11 @@ REACHES = (
     ("dam to Lees Ferry", "glen_canyon", {}, 16),
 )
 GAP = 8
-"""Cross-correlation is looked for up to this many samples beyond twice the usual lag."""
+"""Samples beyond twice the usual lag up to which the cross-correlation is searched."""
 
 
 def releases(rng: np.random.Generator, days: int, mean: float) -> Floats:
-    """Hydropeaking: set flows that are held, ramps between them, a daily rhythm, a slow drift."""
+    """Draw hydropeaking releases: flows held for a time, ramps between them, a daily cycle, a slow drift."""
     n = days * DAY * FINE
     swing, regular = rng.uniform(0.15, 0.45), rng.uniform(0.2, 0.9)
     target = np.empty(n)
@@ -54,7 +54,7 @@ def releases(rng: np.random.Generator, days: int, mean: float) -> Floats:
 
 
 def linear_river(rng: np.random.Generator, u: Floats, exchange: bool) -> tuple[Floats, float]:
-    """The inflow through a diffusive wave, some of it held on the way: outflow, t50 in fine steps."""
+    """Route the inflow by a diffusive wave, some held back if `exchange`: outflow, t50 in fine steps."""
     mean, cv = FINE * rng.uniform(4.0, 30.0), rng.uniform(0.06, 0.5)
     t = np.arange(1.0, 12.0 * mean + 50.0)
     h = np.exp(-((t - mean) ** 2) / (2.0 * cv**2 * mean * t)) / t**1.5
@@ -67,11 +67,14 @@ def linear_river(rng: np.random.Generator, u: Floats, exchange: bool) -> tuple[F
     longer = np.concatenate([np.full(len(h), u[0]), u])
     size = len(longer) + len(h)
     y = np.fft.irfft(np.fft.rfft(longer, size) * np.fft.rfft(h, size), size)[len(h) : len(longer)]
-    return rng.uniform(0.92, 1.04) * y, float(np.interp(0.5, F, t)) - 1.0  # h[0] is time 1, lag 0
+    return rng.uniform(0.92, 1.04) * y, float(np.interp(0.5, F, t)) - 1.0  # h[0] is at time 1, which is lag 0
 
 
 def cascade(rng: np.random.Generator, u: Floats, lateral: Floats, flow: Floats) -> tuple[Floats, Floats]:
-    """Nonlinear stores in a row, ``Q = (S / k)^m``, behind a lag: outflow, and t50 in fine steps at each flow."""
+    """Route the inflow by non-linear stores, ``Q = (S / k)^m``, after a lag.
+
+    Return the outflow, and t50 in fine steps at each flow.
+    """
     mean, cells, m = float(np.median(u)), int(rng.integers(4, 40)), rng.uniform(1.2, 5.0 / 3.0)
     total = FINE * rng.uniform(4.0, 28.0)
     lag = int(rng.uniform(0.0, 0.4) * total)
@@ -85,11 +88,11 @@ def cascade(rng: np.random.Generator, u: Floats, lateral: Floats, flow: Floats) 
             entering = late[i] + (j + 0.5) / parts * (late[i + 1] - late[i])
             S = np.maximum(S + (np.append(entering, Q[:-1]) + lateral[i] / cells - Q) / parts, 1e-6)
     store = k / m * flow ** (1.0 / m - 1.0)
-    return out, lag + gamma.ppf(0.5, cells) * store - 0.5 / parts  # what the explicit step is early by
+    return out, lag + gamma.ppf(0.5, cells) * store - 0.5 / parts  # the explicit step is early by 0.5 / parts
 
 
 def river(kind: str, seed: int, days: int = 22) -> tuple[Floats, Floats, Floats]:
-    """Measured inflow and outflow [m3/s], and the true t50 [samples] of each day after the first few."""
+    """Return measured inflow and outflow [m3/s], and the true t50 [samples] of each day after the warm-up."""
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     mean = rng.uniform(60.0, 350.0)
     u = releases(rng, days + STEADY, mean)
@@ -113,13 +116,13 @@ def river(kind: str, seed: int, days: int = 22) -> tuple[Floats, Floats, Floats]
 
 
 def windows(u: Floats, y: Floats, days: int, starts: range) -> tuple[Floats, Floats]:
-    """Windows of so many days, each with a day of history, shape (windows, N)."""
+    """Return windows of `days` days, each with a day of history, shape (windows, N)."""
     cut = [slice((STEADY + j - 1) * DAY, (STEADY + j + days) * DAY) for j in starts]
     return np.stack([u[c] for c in cut]), np.stack([y[c] for c in cut])
 
 
 def simulated(n_rivers: int) -> str:
-    """Error and honesty on fresh rivers, by the length of the window."""
+    """Return the tables of errors and band coverage on new rivers, by the length of the window."""
     s = RiverSettings()
     rows, other = [], []
     for days, starts in ((1, range(0, 20, 5)), (3, range(0, 20, 6)), (7, range(0, 16, 7))):
@@ -159,13 +162,13 @@ def simulated(n_rivers: int) -> str:
         )
     return (
         table(head, rows)
-        + "\nInflow of another river: nothing to find.\n\n"
+        + "\nInflow of another river, unrelated to the outflow:\n\n"
         + table(["window", "windows", "linked", "answered"], null)
     )
 
 
 def law(flow: Floats, hours: Floats) -> tuple[float, float, float]:
-    """``t50 = a Q^b``, by the least sum of absolute errors of the logarithm: a, b, median error [h]."""
+    """Fit ``t50 = a Q^b`` by least absolute errors of the logarithm: a, b, median error [h]."""
     X, z = np.stack([np.ones(len(flow)), np.log(flow)], axis=1), np.log(hours)
     weight = np.ones(len(z))
     for _ in range(50):
@@ -175,7 +178,7 @@ def law(flow: Floats, hours: Floats) -> tuple[float, float, float]:
 
 
 def read(name: str, changes: dict[str, str], days: int) -> tuple[Floats, Floats, Config]:
-    """Windows of the measured river [m3/s]."""
+    """Return windows of the measured river [m3/s]."""
     config = load_config(ROOT / "configs" / f"{name}.toml")
     if changes:
         columns = config.input.model_copy(update=changes | {"units": dict.fromkeys(changes, "cfs")})
@@ -184,11 +187,11 @@ def read(name: str, changes: dict[str, str], days: int) -> tuple[Floats, Floats,
 
 
 def measured() -> str:
-    """Laws of t50 over the flow, and how well the next day is foretold."""
+    """Return the tables of t50 as a function of the flow, and of the errors of the next day."""
     s = RiverSettings()
     rows, foretold = [], []
     for title, name, changes, usual in REACHES:
-        U, Y, config = read(name, changes, 5)  # history, three days, and the day to be foretold
+        U, Y, config = read(name, changes, 5)  # history, three days, and the day to be predicted
         past = slice(0, 4 * DAY)
         began = time.process_time()
         p = posterior_river(U[:, past], Y[:, past], s)
@@ -208,8 +211,8 @@ def measured() -> str:
             "cross-correlation", "median error of its law [h]", "s a window"]  # fmt: skip
     return (
         table(head, rows)
-        + "\nThe day after each window, its inflow known, its output not: median of the days' root mean square error "
-        "[m3/s], nine days in ten in brackets. Every model gets the same offset: its mean error on the window's last day.\n\n"
+        + "\nPrediction of the day after each window, with known inflow and unknown output: median of the days' root mean square error "
+        "[m3/s], nine days in ten in brackets. Every model has the same offset correction: its mean error on the window's last day.\n\n"
         + table(["reach", *errors], foretold)
     )
 
@@ -217,7 +220,7 @@ def measured() -> str:
 def foretell(
     U: Floats, Y: Floats, config: Config, fir: Floats, lead: Floats, longest: int
 ) -> dict[str, Floats]:
-    """Root mean square error of the last day, for each model fitted on the days before [m3/s]."""
+    """Return the root mean square error of the last day, for each model fitted to the days before [m3/s]."""
     past = U.shape[1] - DAY
     settings = config.jmap_settings()
     u, y = U[:, :past] - U[:, :1], Y[:, :past] - Y[:, :1]
@@ -243,7 +246,7 @@ def foretell(
 
 
 def shifted(u: Floats, y: Floats, past: int, longest: int, order: int = 8) -> Floats:
-    """The lag at which u, made white, and y filtered alike correlate most; then a gain."""
+    """Shift u by the lag of highest prewhitened cross-correlation, and fit a gain."""
     du, dy = np.diff(u[:past]), np.diff(y[:past])
     X = np.stack([du[order - k : len(du) - k] for k in range(1, order + 1)], axis=1)
     a = np.append(1.0, -np.linalg.lstsq(X, du[order:], rcond=None)[0])
@@ -255,8 +258,10 @@ def shifted(u: Floats, y: Floats, past: int, longest: int, order: int = 8) -> Fl
 
 
 def arx(u: Floats, y: Floats, past: int, longest: int) -> Floats:
-    """Two lags of y, two of u behind the delay of least error one step ahead; then run free from the start of
-    the last day that is known."""
+    """Simulate the ARX(2,2) model with the delay of the least one-step error.
+
+    It has two lags of y, and two of u after the delay. The simulation starts with the last known day.
+    """
     rows = np.arange(max(longest + 2, 2), past)
     best: tuple[float, Floats, int] = (np.inf, np.zeros(5), 0)
     for d in range(longest):

@@ -1,6 +1,6 @@
-"""All measured data of the project: travel times beside known ones, and a diagnosis of every window of 60 days.
+"""Evaluate all measured data of the project: travel times, and diagnoses of windows of 60 days.
 
-Writes docs/real.md. Usage: python -m benchmarks.real
+Travel times are compared with known ones. Writes docs/real.md. Usage: python -m benchmarks.real
 """
 
 import datetime as dt
@@ -24,15 +24,15 @@ ROOT = Path(__file__).parent.parent
 PAGE, DATA = ROOT / "docs" / "real.md", ROOT / "sample_data" / "glen_canyon"
 CFS = 0.028316846592
 LENGTH, STRIDE, WINDOW = 60, 30, 3
-"""Days of a diagnosis, between two of them, and of a data set of `posterior`."""
+"""Days of a diagnosis, days between the starts of two diagnoses, and days of a data set of `posterior`."""
 CLASSES = ((0.0, 8000.0, 7.5), (8000.0, 11_000.0, 6.75), (11_000.0, 14_000.0, 6.25))
-"""Lees Ferry to mile 30: discharge [cfs] from, to, and the median daily lag there [h]."""
+"""Lees Ferry to mile 30: limits of a class of discharge [cfs], and its median daily lag [h]."""
 SURE = 0.95
 
 
 @dataclass(frozen=True)
 class Reach:
-    """A reach, its known lag [h], and how well that is known [h]."""
+    """A reach, its known lag [h] and the uncertainty of the lag [h]; `hidden` if the bypass is not given."""
 
     name: str
     config: Config
@@ -42,7 +42,7 @@ class Reach:
 
 
 def reaches() -> list[Reach]:
-    """The three reaches; the first one also without its bypass."""
+    """Return the three reaches; the first one also without its bypass."""
     dam = load_config(ROOT / "configs" / "glen_canyon.toml")
     power = load_config(ROOT / "configs" / "glen_canyon_bypass.toml")
     canyon = load_config(ROOT / "configs" / "glen_canyon_rm30.toml")
@@ -58,12 +58,12 @@ def reaches() -> list[Reach]:
 
 
 def record_of(reach: Reach) -> Record:
-    """All days of a reach."""
+    """Return all days of a reach."""
     return read_record(DATA, reach.config)[0]
 
 
 def diagnosed(reach: Reach, record: Record) -> tuple[list[list[str]], Counter[str], list[float]]:
-    """A row for each window, the names that were sure, and the seconds."""
+    """Return a row for each window, the names of (partly) explained windows, and the durations [s]."""
     rows: list[list[str]] = []
     sure: Counter[str] = Counter()
     taken = []
@@ -106,7 +106,7 @@ def diagnosed(reach: Reach, record: Record) -> tuple[list[list[str]], Counter[st
 
 
 def bypass_days() -> dict[dt.date, float]:
-    """Mean bypass of each day [m3/s], from its record, which no diagnosis sees."""
+    """Return the mean bypass flow of each day [m3/s], from its record, which no diagnosis receives."""
     config = load_config(ROOT / "configs" / "glen_canyon_bypass.toml")
     only = config.model_copy(update={"input": config.input.model_copy(update={"u_Qi": "bypass_release_cfs"})})
     record, _ = read_record(DATA, only)
@@ -114,7 +114,7 @@ def bypass_days() -> dict[dt.date, float]:
 
 
 def travelled(reach: Reach, record: Record) -> str:
-    """t50 of three-day windows by `posterior`, beside what is known."""
+    """Return the table of t50 of three-day windows by `posterior` and the known lag."""
     n = record.time.shape[1] - record.lead
     runs = [
         k for k in range(0, record.days - WINDOW + 1, WINDOW)
@@ -139,7 +139,7 @@ def travelled(reach: Reach, record: Record) -> str:
             known[(flow >= a) & (flow < b)] = lag
     inside = (known >= low - doubt - 0.5 * T) & (known <= high + doubt + 0.5 * T)
     return table(
-        ["windows", "answered", "t50 [h], median (80 %)", "known [h]", "known within the 90 % set and its own doubt", "time"],
+        ["windows", "answered", "t50 [h], median (80 %)", "known [h]", "known lag, with its uncertainty, within the 90 % set", "time"],
         [[str(len(u)), f"{ok.mean():.2f}", f"{np.median(t50):.2f} ({np.quantile(t50, 0.1):.2f}-{np.quantile(t50, 0.9):.2f})",
           "7.5, 6.75, 6.25 by flow" if reach.config.reach.name == "marble-canyon-rm30" else f"{reach.lag:g}",
           f"{inside.mean():.2f}", f"{seconds:.1f} s"]],
@@ -149,17 +149,17 @@ def travelled(reach: Reach, record: Record) -> str:
 def main() -> None:
     """Write the page."""
     text = (
-        "# Measured rivers\n\nWritten by `make real`: all measured data that the project holds "
+        "# Measured rivers\n\nWritten by `make real`: all measured data of the project "
         "([provenance](../sample_data/glen_canyon/README.md)), 426 days of the Colorado between Glen Canyon Dam and "
-        f"river mile 61. Machine: {machine()}. Travel times are those of `posterior` on data sets of {WINDOW} days; "
-        "the known lags are the peaks of the cross-correlation of differences, to a sample, and the hourly release "
-        f"leaves one hour of doubt. Diagnoses are of every window of {LENGTH} days, {STRIDE} days apart. Below the "
-        "dam the power release alone is given in the first section, while the bypass ran on the days that are "
-        "counted (more than 5 m³/s); in the other sections nothing is known to be missing but small tributaries, "
-        "bank storage and what the ratings of the gauges differ by, so that a name there is a claim without a "
-        "witness. Short windows are harder than a year: where the bypass runs on all days, its dates do not show, and a "
-        "gain may stand for it; a rating that is off by a percent, or a spring, comes out as a tie of ratings and "
-        "inflows, or as one of them. Names at 0.95 and more in these tables that no record supports are wrong with confidence.\n"
+        f"river mile 61. Machine: {machine()}. Travel times are those of `posterior` on data sets of {WINDOW} days. "
+        "The known lags are the peaks of the cross-correlation of differences, to a sample. The hourly release has an "
+        f"uncertainty of one hour. Diagnoses cover every window of {LENGTH} days, {STRIDE} days apart. Below the "
+        "dam, the first section gives only the power release to the diagnosis, while the bypass ran on the days that are "
+        "counted (more than 5 m³/s). In the other sections nothing is known to be missing except small tributaries, "
+        "bank storage and differences between the ratings of the gauges, so a name there cannot be verified by a "
+        "record. Short windows are more difficult than a year: where the bypass runs on all days, its dates are not visible, and a "
+        "gain error may replace it. A rating error of a percent, or a spring, appears as a tie of ratings and "
+        "inflows, or as one of them. Names at 0.95 and more in these tables that no record supports are wrong with high confidence.\n"
     )
     for reach in reaches():
         record = record_of(reach)
@@ -169,7 +169,7 @@ def main() -> None:
         named = ", ".join(f"{name} ({n})" for name, n in sure.most_common()) or "none"
         text += f"\n## {reach.name}\n\n{travelled(reach, record)}\n"
         text += (
-            f"Verdicts of {len(rows)} windows: {listed}. Names of explained and partly explained ones: {named}. "
+            f"Verdicts of {len(rows)} windows: {listed}. Names in explained and partly explained windows: {named}. "
             f"A diagnosis took {np.median(taken):.0f} s (median).\n\n"
         )
         head = ["days", "bypass ran on", "verdict", "names, probability", "error after 4 h [m3/s]"]

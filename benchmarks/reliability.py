@@ -1,10 +1,10 @@
-"""Writes docs/reliability.md: every fault, what was tried, how often, and what came of it.
+"""Write docs/reliability.md: the injected faults, what was tried, how often, and the results.
 
     python -m benchmarks.reliability            the tests of `make test`
     python -m benchmarks.reliability --long     the long loops too
 
-The tests run here and keep their own records (tests/faults/recording.py); the page holds nothing else. Each
-cell of its table is made of them.
+The tests run here and write their own records (tests/faults/recording.py). The page has no other source: each
+cell of its table is built from the records.
 """
 
 import argparse
@@ -27,11 +27,11 @@ HEAD = """# Faults injected, and the results
 
 Written by `python -m benchmarks.reliability --long` from the records of the tests themselves; do not edit. Faults are
 real: processes are killed with SIGKILL, disks are full, limits are set in the kernel, bombs are written and read.
-`tests/faults/rows.py` names the tests of each fault.
+`tests/faults/rows.py` lists the tests of each fault.
 
 {summary}
 
-The number after an injection is how often it was made, if more than once. Repetitions inside one test ("150 mutations") count once.
+The number after an injection is its count, if more than one. Repetitions inside one test ("150 mutations") count once.
 """
 
 
@@ -40,9 +40,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--long", action="store_true", help="the long loops too")
     parser.add_argument(
-        "--kept", action="store_true", help="only write the page anew, of the record kept in build/"
+        "--kept", action="store_true", help="only write the page again, from the record in build/"
     )
-    parser.add_argument("--jobs", default="auto", help="processes that test; default: as many as cores")
+    parser.add_argument("--jobs", default="auto", help="test processes; default: the number of cores")
     asked = parser.parse_args()
     code = 0 if asked.kept else run_tests(asked.long, asked.jobs)
     record = json.loads(RECORD.read_text(encoding="utf-8"))
@@ -52,7 +52,7 @@ def main() -> int:
 
 
 def run_tests(long: bool, jobs: str) -> int:
-    """Run the tests of all rows; their record is in :data:`RECORD`."""
+    """Run the tests of all rows; the record is written to :data:`RECORD`."""
     tests = sorted({test.removesuffix("::") for row in ROWS for test in row.tests})
     words = [sys.executable, "-m", "pytest", "-n", jobs, "-q", "-p", "tests.faults.recording"]
     words += [] if long else ["-m", "not long"]
@@ -62,12 +62,12 @@ def run_tests(long: bool, jobs: str) -> int:
 
 
 def failed(record: dict[str, Any]) -> int:
-    """How many tests failed."""
+    """Return the number of failed tests."""
     return sum(kept["outcome"] != "passed" for kept in record.values())
 
 
 def page(record: dict[str, Any]) -> str:
-    """The page of a record."""
+    """Return the page of a record."""
     seconds = sum(kept["seconds"] for kept in record.values())
     long = any("test_bombs" in test for test in record)
     summary = (
@@ -75,13 +75,13 @@ def page(record: dict[str, Any]) -> str:
         f"{'with' if long else 'without'} the long loops. {platform.system()}, Python {platform.python_version()}, "
         f"{os.cpu_count()} cores."
     )
-    lines = ["| fault | what must happen | what was tried, and how often | result |", "|---|---|---|---|"]
+    lines = ["| fault | expected | injections, and their number | result |", "|---|---|---|---|"]
     lines += [line(row, record) for row in ROWS]
     return HEAD.format(summary=summary) + "\n" + "\n".join(lines) + "\n"
 
 
 def line(row: Row, record: dict[str, Any]) -> str:
-    """A row of the table."""
+    """Return a row of the table."""
     tried: Counter[str] = Counter()
     bad: Counter[str] = Counter()
     n, wrong = 0, 0
@@ -105,17 +105,17 @@ def line(row: Row, record: dict[str, Any]) -> str:
 
 
 def words_of(node: str) -> str:
-    """The name of a test that keeps no notes, as words."""
+    """Return the name of a test without notes as words."""
     return node.split("::")[-1].partition("[")[0].removeprefix("test_").replace("_", " ")
 
 
 def belongs(node: str, test: str) -> bool:
-    """Whether a test that ran is of a file, class or function named in a row."""
+    """Return whether a test belongs to the file, class or function named in a row."""
     return node.startswith(test) and (test.endswith("::") or node[len(test) :][:1] in ("", "[", ":"))
 
 
 def cell(text: str) -> str:
-    """Text that stands in a table of Markdown as it is."""
+    """Escape text for a Markdown table."""
     for bad, good in (("|", "\\|"), ("<", "&lt;"), ("*", "\\*"), ("_", "\\_")):
         text = text.replace(bad, good)
     return text

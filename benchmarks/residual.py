@@ -1,4 +1,4 @@
-"""What w of (16) consists of: operators made exact, gauge made exact, both; one section of three pages.
+"""Determine the components of w of (16): with exact operators, with an exact gauge, with both.
 
 accuracy.md, paper.md and sensitivity.md contain the same section, from the same years.
 """
@@ -24,7 +24,7 @@ WORLDS = {
 
 @cache
 def section() -> str:
-    """The experiment, its table and its conclusion."""
+    """Return the section with its table and its conclusion."""
     base = load_scenario(SCENARIOS / "basse_isere.toml")
     found = {}
     for name, tables in WORLDS.items():
@@ -60,6 +60,6 @@ def section() -> str:
             rows,
         )
         + f"\nThe variance of w is mostly due to the {larger}: sigma_w falls from {plain[0]:.0f} to {operators[0]:.0f} mm with exact operators, to {gauge[0]:.0f} mm with an exact gauge, to {both[0]:.0f} mm with both. "
-        f"What hides the delay is the {hides}: without the prior {plain[1]:.0f} % of days are within one sample as it is, {operators[1]:.0f} % with exact operators, {gauge[1]:.0f} % with an exact gauge, {both[1]:.0f} % with both. "
+        f"The {hides} hides the delay: without the prior {plain[1]:.0f} % of days are within one sample as it is, {operators[1]:.0f} % with exact operators, {gauge[1]:.0f} % with an exact gauge, {both[1]:.0f} % with both. "
         "The operators' part of w is slow and leaves the jump of one sample visible; the gauge's part is as fast as the jump.\n"
     )

@@ -1,4 +1,4 @@
-"""Speed of Saint-Venant's equations: simulated days a second, and the growth with cells and days; prints.
+"""Measure the speed of the Saint-Venant solver: simulated days per second, by cells and days. Prints tables.
 
 Usage: python -m benchmarks.saint_venant
 """
@@ -31,11 +31,11 @@ T_S = 133.0
 PER_DAY = 650
 RUNS = 5
 REACH = {"reach": {"name": "pool", "length": 8200.0, "width": 81.6, "bed_level": 124.3}}
-"""The configuration that a user would write of the reach to diagnose."""
+"""The user's configuration of the reach to diagnose."""
 
 
 def commands(days: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Times, an inflow in whole steps with a daily wave, and an outflow that follows it."""
+    """Return times, an inflow in integer steps with a daily wave, and an outflow that follows it."""
     n = days * PER_DAY
     time = T_S * np.arange(n)
     moves = np.random.default_rng(1).integers(-20, 21, n // 25 + 1)
@@ -44,13 +44,13 @@ def commands(days: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArr
 
 
 def season(channel: Channel, days: int) -> Flow:
-    """A continuous season, nudged to one level so that it may be of any length."""
+    """Simulate a continuous season, nudged to one level so that it may have any length."""
     time, inflow, outflow = commands(days)
     return simulate(channel, time, inflow, outflow, 5.2, observed=np.full(len(time), 5.2))
 
 
 def measured(cases: dict[str, tuple[int, int]]) -> str:
-    """A table of cases: cells and days."""
+    """Return a table of cases: cells and days."""
     channels = {cells: Channel.smooth(8200.0, 81.6, 1e-4, 0.025, cells) for cells, _ in cases.values()}
 
     def case(cells: int, days: int) -> Flow:
@@ -69,7 +69,7 @@ def measured(cases: dict[str, tuple[int, int]]) -> str:
 
 
 def batch() -> str:
-    """Days that know nothing of each other, in one call and one by one."""
+    """Compare independent days in one call, in a call a day, and in a call a sample."""
     channel, days = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 32), 60
     time, inflow, outflow = (values.reshape(days, PER_DAY) for values in commands(days))
     seconds = functions_in_turn(
@@ -88,7 +88,7 @@ def batch() -> str:
 
 
 def on(threads: int, task: Callable[[], object]) -> None:
-    """A task on so many threads."""
+    """Run a task on a number of threads."""
     config: Any = numba.config
     before, config.NUMBA_NUM_THREADS = config.NUMBA_NUM_THREADS, threads
     try:
@@ -98,7 +98,7 @@ def on(threads: int, task: Callable[[], object]) -> None:
 
 
 def shared() -> str:
-    """Goals on one core and on two: days in rows, and all columns of a diagnosis."""
+    """Compare one and two cores with the goals: days in rows, and all columns of a diagnosis."""
     channel, days = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 48), 90
     rows = [values.reshape(days, PER_DAY) for values in commands(days)]
     reading = np.full((days, PER_DAY), 5.2)
@@ -133,7 +133,7 @@ def shared() -> str:
 
 
 def likelihoods() -> str:
-    """The noise of 90 days: likelihood at one setting, and a fit from a near start and from the usual ones."""
+    """Measure the noise model on 90 days: a likelihood, and fits from a near and from the usual starts."""
     noise = NoiseModel(2e-3, 1e-4, 2.0, 14_400.0, 0.0, 3600.0, T_S, 6.7e5)
     whole = noise.simulate(90, PER_DAY, np.random.default_rng(0))
     gaps = np.where(np.random.default_rng(1).random(whole.shape) < 0.01, np.nan, whole)
@@ -176,7 +176,7 @@ print(water - began, days - water, time.perf_counter() - days)
 
 
 def compiling() -> str:
-    """What the compiled loops take on their first use, with an empty cache and from then on."""
+    """Measure the first use of the compiled loops, with an empty cache, and the second use."""
     rows = []
     with tempfile.TemporaryDirectory() as cache:
         for name in ("first use: compiled", "from then on: loaded"):
@@ -189,7 +189,7 @@ def compiling() -> str:
 
 
 def by_samples(channel: Channel, *day: NDArray[np.float64]) -> None:
-    """A day in closed loop: the state handed on from sample to sample."""
+    """Simulate a day in closed loop: the state is passed from sample to sample."""
     time, inflow, outflow = day
     state = simulate(channel, time[:1], inflow[:1], outflow[:1], 5.2).end
     for k in range(1, PER_DAY):
@@ -198,7 +198,7 @@ def by_samples(channel: Channel, *day: NDArray[np.float64]) -> None:
 
 
 def closed_loop() -> str:
-    """Whole seasons of `rivid simulate`: people and water together, growth with cells and days."""
+    """Measure whole seasons of `rivid simulate`, operators and hydraulics together, by cells and days."""
     plain = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml")
     rows = []
     for cells, days in ((32, 60), (32, 332), (32, 664), (24, 332), (64, 332), (96, 332)):
@@ -216,7 +216,7 @@ def closed_loop() -> str:
 
 
 def sections() -> str:
-    """What `make bench` measures of the simulated world and of the noise."""
+    """Return the sections of `make bench` on the simulated world and the noise."""
     return (
         "## The simulated world\n\nOpen loop, nudged, one core:\n\n"
         + measured({f"{cells} cells": (cells, 60) for cells in (24, 48, 96)})
@@ -232,7 +232,7 @@ def sections() -> str:
 
 
 def main() -> None:
-    """Run all and print."""
+    """Run all cases and print the tables."""
     print(
         f"# Saint-Venant, one core\n\nReach of Table I, T_s = {T_S:g} s, {PER_DAY} samples a day; {machine()}.\n"
     )

@@ -1,4 +1,4 @@
-"""A fleet at its size: 100,000 and 1,000,000 days through `rivid run` on two cores; writes docs/scale.md.
+"""Measure a large fleet: 100,000 and 1,000,000 days with `rivid run` on two cores; write docs/scale.md.
 
 Usage: python -m benchmarks.scale [--quick] [--work DIR]
 """
@@ -21,14 +21,14 @@ from rivid.simulation.scenario import load_scenario
 ROOT = Path(__file__).parent.parent
 FOUR = [word for name in ("ml", "map", "jmap", "jmap-uniform") for word in ("--estimator", name)]
 REACHES, YEARS = 10_000, 30
-"""The fleet of the projection."""
+"""Reaches and years of the projected fleet."""
 
 DAYS_A_YEAR = 365.25
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What a run over a fleet took; `thirds` are the days a second of the first, middle and last third."""
+    """Resources of a run over a fleet; `thirds` are the days per second of its first to last third."""
 
     name: str
     reaches: int
@@ -40,18 +40,18 @@ class Measured:
 
     @property
     def rate(self) -> float:
-        """Days a second."""
+        """Days per second."""
         return self.days / self.used.seconds
 
 
 def command(data: Path, out: Path, *more: str) -> list[str]:
-    """`rivid run` as it is measured: two workers, tables without figures."""
+    """Return the measured command `rivid run`: two workers."""
     more = more if "--estimator" in more else (*more, "--estimator", "jmap")
     return [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--workers", "2", *more]
 
 
 def measure(name: str, data: Path, out: Path, reaches: int, days: int) -> Measured:
-    """Run a fleet that is written already, `days` of each reach."""
+    """Run an existing fleet with `days` of each reach, tables without figures."""
     used = process(command(data, out, "--no-figures"))
     ends = np.sort([p.stat().st_mtime for p in (out / ".rivid" / "outcomes").glob("*.json")])
     cuts = [0, reaches // 3, 2 * reaches // 3, reaches - 1]
@@ -62,12 +62,12 @@ def measure(name: str, data: Path, out: Path, reaches: int, days: int) -> Measur
 
 
 def size_of(folder: Path) -> float:
-    """Bytes of all files below a directory."""
+    """Return the bytes of all files below a directory."""
     return float(sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()))
 
 
 def grown(runs: list[Measured]) -> str:
-    """The table of all sizes."""
+    """Return the table of all sizes."""
     rows = [
         [
             m.name,
@@ -91,7 +91,7 @@ def grown(runs: list[Measured]) -> str:
 
 @dataclass(frozen=True)
 class Morning:
-    """A finished fleet with one new day each, in a Parquet file of its own; processor time for a reach [s]."""
+    """A finished fleet with one new day for each reach, in its own Parquet file; times per reach [s]."""
 
     reaches: int
     days: int
@@ -101,7 +101,7 @@ class Morning:
 
 
 def morning(season: Season, data: Path, out: Path, reaches: int, days: int) -> Morning:
-    """One new day for every reach of a fleet that has been run; and then nothing new."""
+    """Run a finished fleet with one new day for every reach, and again without new days."""
     arrays = (season.inflow, season.outflow, season.level)
     first = dt.date(1995, 1, 1) + dt.timedelta(days=days)
     for r in range(reaches):
@@ -112,7 +112,7 @@ def morning(season: Season, data: Path, out: Path, reaches: int, days: int) -> M
 
 
 def drawn(season: Season, work: Path, reaches: int, days: int) -> tuple[float, float]:
-    """Processor time [s] that figures and page of a reach take, with one estimator and with four."""
+    """Measure the processor time [s] of figures and page of a reach, with one estimator and with four."""
     data = work / "drawn"
     write_fleet(season, data, reaches, days, "parquet")
     taken = []
@@ -129,7 +129,7 @@ def drawn(season: Season, work: Path, reaches: int, days: int) -> tuple[float, f
 
 
 def estimating(season: Season, work: Path, reaches: int, days: int) -> list[list[str]]:
-    """Processor time of a day, by estimators: Parquet logs, tables, no figures."""
+    """Measure the processor time of a day by estimators: Parquet logs, tables, no figures."""
     data = work / "estimating"
     write_fleet(season, data, reaches, days, "parquet")
     rows = []
@@ -147,7 +147,7 @@ def estimating(season: Season, work: Path, reaches: int, days: int) -> list[list
 
 
 def projected(cpu_a_day: float, bytes_a_day: float) -> list[str]:
-    """Cells: a day's processor time, and what the fleet of the projection takes of it and of disk."""
+    """Return cells: processor time of a day, and processor time and disk space of the projected fleet."""
     days = REACHES * YEARS * DAYS_A_YEAR
     hours = cpu_a_day * days / 3600
     return [
@@ -161,25 +161,25 @@ def projected(cpu_a_day: float, bytes_a_day: float) -> list[str]:
 def page(
     runs: list[Measured], by_estimator: list[list[str]], new_day: Morning, drawing: tuple[float, float]
 ) -> str:
-    """docs/scale.md."""
+    """Return the page docs/scale.md."""
     small, large = runs[-2], runs[-1]
     rates = [m.rate for m in runs if m.name == large.name]
     log_bytes = large.logs_bytes / large.days * REACHES * YEARS * DAYS_A_YEAR / 1e12
     return f"""# A fleet at its size
 
-Written by `make scale`, on this machine: {machine()}, numpy {np.__version__}. Logs are made for the measurement
-(`benchmarks/generator.py`): days of a simulated season, each scaled, shifted and disturbed anew; 650 samples a day; no
+Written by `make scale`, on this machine: {machine()}, numpy {np.__version__}. The logs are generated for the measurement
+(`benchmarks/generator.py`): days of a simulated season, each scaled, shifted and disturbed at random; 650 samples a day; no
 two files are alike. CSV: a file a day. Parquet: a file a year. Two workers, `jmap`, tables without figures.
 
 {grown(runs)}
-From {small.days:,} to {large.days:,} days of {large.name} logs the days a second differ by {(max(rates) / min(rates) - 1) * 100:.0f} %. The
-last columns are the peaks of the command itself and of the largest of all its processes. Each reach is whole in one
+From {small.days:,} to {large.days:,} days of {large.name} logs the days per second differ by {(max(rates) / min(rates) - 1) * 100:.0f} %. The
+last columns are the peak memory of the command itself and of the largest of all its processes. Each reach is processed by one
 worker; the command holds a few numbers for each reach.
 
 ## {REACHES:,} reaches, {YEARS} years
 
-What follows is arithmetic on measurements, {REACHES * YEARS * DAYS_A_YEAR / 1e6:.1f} million days: processor time is proportional to days
-(table above), reaches know nothing of each other, and `--shard I/N` or Dask share them out. Logs of this size take
+The following is arithmetic on measurements, {REACHES * YEARS * DAYS_A_YEAR / 1e6:.1f} million days: processor time is proportional to days
+(table above), reaches are independent, and `--shard I/N` or Dask distribute them. Logs of this size take
 {log_bytes:.2f} TB as Parquet ({large.logs_bytes / large.days / 1e3:.1f} kB a day).
 
 {table(["estimators", "processor time a day", "core-hours", "on 64 cores", "results"], by_estimator)}
@@ -187,18 +187,18 @@ Figures and page of a reach of ten years take {drawing[0]:.1f} s of a core with 
 {drawing[0] * REACHES / 3600:.0f} and {drawing[1] * REACHES / 3600:.0f} core-hours for all. With `--no-figures` and `rivid figures OUT` they are drawn only for
 the reaches that are inspected.
 
-Every morning, one new day each, in {new_day.reaches} reaches of {new_day.days:,} finished days: {new_day.wall:.2f} s a reach on two cores,
-{new_day.seconds:.2f} s of a core, of which {new_day.idle:.2f} s to see that nothing else is new; {new_day.seconds * REACHES / 3600:.1f} core-hours for {REACHES:,} reaches. Most
-of it is writing the tables of a reach anew: they are whole files of all its days, to the byte the same as those of a
+Every morning, one new day each, in {new_day.reaches} reaches of {new_day.days:,} finished days: {new_day.wall:.2f} s per reach on two cores,
+{new_day.seconds:.2f} s of a core, of which {new_day.idle:.2f} s to find that nothing else is new; {new_day.seconds * REACHES / 3600:.1f} core-hours for {REACHES:,} reaches. Most
+of it is the rewriting of the tables of a reach: they are whole files of all its days, byte for byte those of a
 run from scratch.
 """
 
 
 def main() -> None:
-    """Run all, print, and write the page."""
+    """Run all measurements, print, and write the page."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="a hundredth of the size; writes nothing")
-    parser.add_argument("--work", type=Path, help="where logs and results go, up to 10 GB; default: TMPDIR")
+    parser.add_argument("--quick", action="store_true", help="a hundredth of the size, no page")
+    parser.add_argument("--work", type=Path, help="folder of logs and results, up to 10 GB; default: TMPDIR")
     given = parser.parse_args()
     less = 100 if given.quick else 1
     days = 10_000 // (10 if given.quick else 1)

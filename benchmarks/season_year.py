@@ -1,4 +1,4 @@
-"""The season of the sample year beside its true delays; prints the last paragraph of docs/season.md.
+"""Compare the season of the sample year with its true delays; print the last paragraph of docs/season.md.
 
 Usage: python -m benchmarks.season_year
 """

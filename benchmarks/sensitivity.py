@@ -1,8 +1,8 @@
-"""How the settings and the world matter: share of days within one sample of the true delay; writes docs/sensitivity.md.
+"""Measure the sensitivity to settings and world: share of days within one sample; write docs/sensitivity.md.
 
-One thing is changed at a time, on simulated years with known delays. Beside the estimator of Table VI stand the same
-without its prior on d (uniform, alpha estimated), with alpha fixed, and Table VI on shuffled days, where there is nothing
-to find: what is claimed is the gain over those.
+One thing is changed at a time, on simulated years with known delays. The estimator of Table VI is compared
+with the same without its prior on d (uniform, alpha estimated), with alpha fixed, and with Table VI on
+shuffled days, which contain no delay. The gain over those is the result of the estimator.
 
 Usage: python -m benchmarks.sensitivity [--seeds N]
 """
@@ -33,7 +33,7 @@ LINES = {
     "no prior on d, alpha estimated": {"prior": "uniform"},
     "no prior on d, alpha fixed": {"prior": "uniform", "alpha": DEFAULT_ALPHA},
 }
-"""Estimators, by how their settings differ."""
+"""Estimators, by the difference of their settings."""
 NOTHING = "Table VI, shuffled days"
 ALPHAS = (None, 1e3, 1e4, 1e5, 1e6, 1e7)
 OTHERS = {
@@ -45,20 +45,20 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Study:
-    """One thing that is changed.
+    """A setting or property that is changed.
 
     Attributes
     ----------
     name, unit : str
-        For the panel and the table.
+        Texts of the panel and the table.
     values : tuple
-        What it is set to.
+        Values to be set.
     usual : object
-        The value of the sample year and the defaults.
+        The value of the sample year or the default.
     where : str
-        "settings", or the scenario's table and key, as "level.noise".
+        "settings.KEY", or the scenario's table and key, as "level.noise".
     lines : tuple of str
-        The estimators that feel it.
+        The estimators that it affects.
     """
 
     name: str
@@ -83,7 +83,7 @@ STUDIES = (
 
 
 def worlds(study: Study, value: Any, seeds: range) -> list[World]:
-    """The years that a value makes."""
+    """Simulate the years with a value."""
     base = load_scenario(SCENARIOS / "basse_isere.toml")
     room, key = study.where.split(".")
     if room != "settings":
@@ -92,7 +92,7 @@ def worlds(study: Study, value: Any, seeds: range) -> list[World]:
 
 
 def settings(study: Study, value: Any, line: str) -> JmapSettings:
-    """The settings that a value makes of an estimator's."""
+    """Return the settings of an estimator with a value."""
     said: dict[str, Any] = dict(LINES[line])
     room, key = study.where.split(".")
     if room == "settings" and not (key == "alpha" and "alpha" not in said):
@@ -103,7 +103,7 @@ def settings(study: Study, value: Any, line: str) -> JmapSettings:
 
 
 def run(study: Study, seeds: range, base: list[World]) -> dict[str, Floats]:
-    """Shares of days within one sample, by estimator: arrays of shape (values, seeds)."""
+    """Return the shares of days within one sample, by estimator; arrays of shape (values, seeds)."""
     lines = [*study.lines, *([NOTHING] if "Table VI" in study.lines else [])]
     found = {line: np.empty((len(study.values), len(seeds))) for line in lines}
     for i, value in enumerate(study.values):
@@ -117,7 +117,7 @@ def run(study: Study, seeds: range, base: list[World]) -> dict[str, Floats]:
 
 
 def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
-    """A panel for each study."""
+    """Draw a panel for each study."""
     from rivid.plots import style
 
     looks = {
@@ -164,12 +164,12 @@ def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
 
 
 def spread(shares: Floats) -> str:
-    """Mean over years, lowest to highest, per cent."""
+    """Format the mean over years, lowest to highest, in per cent."""
     return f"{100 * shares.mean():.0f} ({100 * shares.min():.0f}-{100 * shares.max():.0f})"
 
 
 def section(study: Study, found: dict[str, Floats]) -> str:
-    """The table of one study; the defaults in bold."""
+    """Return the table of one study, with the defaults in bold."""
     rows = []
     for i, value in enumerate(study.values):
         name = f"**{value:g}**" if value == study.usual else f"{value:g}"
@@ -178,7 +178,7 @@ def section(study: Study, found: dict[str, Floats]) -> str:
 
 
 def other_reaches(seeds: range) -> tuple[str, dict[str, Floats]]:
-    """alpha fixed and estimated without a prior on d, on reaches of both truths, with their own bounds."""
+    """Compare alpha fixed and estimated without a prior on d, on reaches of both truths."""
     found: dict[str, Floats] = {}
     for name in OTHERS:
         shares = np.empty((len(ALPHAS), 2, len(seeds)))
@@ -206,7 +206,7 @@ def other_reaches(seeds: range) -> tuple[str, dict[str, Floats]]:
 
 
 def findings(answers: dict[str, dict[str, Floats]], others: dict[str, Floats]) -> str:
-    """What the defaults rest on, in words around the numbers."""
+    """Return the conclusions for the defaults with their numbers."""
     by_name = {study.name: study for study in STUDIES}
     free, fixed = "no prior on d, alpha estimated", "no prior on d, alpha fixed"
 
@@ -231,21 +231,21 @@ def findings(answers: dict[str, dict[str, Floats]], others: dict[str, Floats]) -
     noise, step, feedback, inflow = (study.name for study in STUDIES[4:])
     return (
         "\n## Conclusions for the defaults\n\n"
-        f"- **sigma_d** decides. Table VI is within one sample on {share(S, 'Table VI')} of days at 6.5, {share(S, 'Table VI', 3)} at 3, {share(S, 'Table VI', 10)} at 10, best {best(S, 'Table VI')}; on shuffled "
-        f'days {share(S, NOTHING)} at 6.5, best {best(S, NOTHING)}. So sigma_d must come from the reach, `sigma_d = "bounds"`; 6.5 is what the bounds of Table I give.\n'
-        f"- **M** = 30. Without the prior {share(M, free, 20)} at 20, {share(M, free, 24)} at 24, {share(M, free)} at 30, best {best(M, free)}: the last lags gather the tail that M cuts off, and must lie well beyond d_max. "
-        "More than twice d_max gains little and costs time with the square of M.\n"
-        f"- **alpha** = 1e4 where it is fixed is the paper's, {share(A, fixed)} here; the best is {best(A, fixed)}, estimating it gives {share(M, free)}. With the full equations it is the other way round: "
+        f"- **sigma_d** has the largest influence. Table VI is within one sample on {share(S, 'Table VI')} of days at 6.5, {share(S, 'Table VI', 3)} at 3, {share(S, 'Table VI', 10)} at 10, best {best(S, 'Table VI')}; on shuffled "
+        f'days {share(S, NOTHING)} at 6.5, best {best(S, NOTHING)}. So sigma_d must come from the reach, `sigma_d = "bounds"`; 6.5 is the value of the bounds for Table I.\n'
+        f"- **M** = 30. Without the prior {share(M, free, 20)} at 20, {share(M, free, 24)} at 24, {share(M, free)} at 30, best {best(M, free)}: the last lags contain the tail that M cuts off, and must lie well beyond d_max. "
+        "More than twice d_max gains little, and the time grows with the square of M.\n"
+        f"- **alpha** = 1e4, where it is fixed, is the paper's value, {share(A, fixed)} here; the best is {best(A, fixed)}, estimated it gives {share(M, free)}. With the full equations the smaller alpha is better: "
         f"8.2 km {at_alpha('hydraulic', 1e4)} at 1e4, {at_alpha('hydraulic', 1e6)} at 1e6; 4.5 km {at_alpha('hydraulic_short', 1e4)} and {at_alpha('hydraulic_short', 1e6)}. A stiff response finds a sharp front better and a spread one "
         "worse; real fronts are spread, so the default stays.\n"
-        f"- **d_max** = 15: without the prior {share(D, free)}, at 8 {share(D, free, 8)}, at 30 {share(D, free, 30)}; a range twice the longest hydraulic delay costs some days, and an answer at the bound can be seen.\n"
-        f"- **The gauge** hides the delay (below): without the prior {ends(noise, free)} of noise, {ends(step, free)} of step. Table VI feels it less ({ends(noise, 'Table VI')}; on shuffled days {ends(noise, NOTHING)}).\n"
+        f"- **d_max** = 15: without the prior {share(D, free)}, at 8 {share(D, free, 8)}, at 30 {share(D, free, 30)}; a range twice the longest hydraulic delay costs some days, and an answer at the bound is visible.\n"
+        f"- **The gauge** hides the delay (below): without the prior {ends(noise, free)} of noise, {ends(step, free)} of step. Table VI is less sensitive to it ({ends(noise, 'Table VI')}; on shuffled days {ends(noise, NOTHING)}).\n"
         f"- **The feedback**: {ends(feedback, free)}. **The unlogged inflow**: {ends(inflow, free)}.\n"
     )
 
 
 def main() -> None:
-    """Run all studies and write table and picture."""
+    """Run all studies, and write table and picture."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=6)
     seeds = range(101, 101 + parser.parse_args().seeds)
@@ -256,10 +256,10 @@ def main() -> None:
     table_of_others, others = other_reaches(seeds)
     draw(answers, ROOT / "docs" / "pictures" / "sensitivity.png")
     text = (
-        "# What the estimate hangs on\n\n"
+        "# Sensitivity of the estimate\n\n"
         "Written by `make sensitivity`: one thing changed at a time, from the paper's settings and a year like the sample year. Numbers are per cent of days within one sample of the true delay "
         f"(6 to 8), the mean over {len(seeds)} simulated years of 332 days with the lowest and highest; the value in bold is the default, or the sample year's. Shuffled days take the inflow of one day and the level of "
-        "another: what Table VI scores there is its prior's.\n\n![shares of days within one sample](pictures/sensitivity.png)\n"
+        "another: the score of Table VI on them is due to its prior.\n\n![shares of days within one sample](pictures/sensitivity.png)\n"
         + findings(answers, others)
         + residual.section()
         + "".join(section(study, answers[study.name]) for study in STUDIES)

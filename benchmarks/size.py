@@ -1,8 +1,8 @@
-"""How large the project is: ``python -m benchmarks.size [CHECKOUT]`` prints a table.
+"""Measure the size of the project: ``python -m benchmarks.size [CHECKOUT]`` prints a table.
 
-Code lines are those without blanks, comments and docstrings. Result types are dataclasses and named tuples. The
-files of a day's log are the modules of rivid/ in which a function runs between the start of a run of one day of
-sample_data and its tables, in one process and without figures.
+Code lines are those without blanks, comments and docstrings. Result types are dataclasses and named tuples.
+The files of a day's log are the modules of rivid/ in which a function runs between the start of a run of one
+day of sample_data and its tables, in one process and without figures.
 """
 
 import ast
@@ -36,7 +36,7 @@ print(sum(name.startswith(root) for name in seen))
 
 
 def code_lines(text: str) -> int:
-    """Lines of a module that hold code."""
+    """Return the number of lines of a module that contain code."""
     docstrings: set[int] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
@@ -50,7 +50,7 @@ def code_lines(text: str) -> int:
 
 
 def result_types(text: str) -> int:
-    """Dataclasses and named tuples of a module."""
+    """Return the number of dataclasses and named tuples of a module."""
     return sum(
         any("dataclass" in ast.unparse(d) for d in node.decorator_list)
         or any("NamedTuple" in ast.unparse(b) for b in node.bases)

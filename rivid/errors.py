@@ -1,7 +1,7 @@
-"""The kinds of error that rivid raises on purpose.
+"""Errors that rivid raises on purpose.
 
-Every message says what came, what was expected and what to do. ``exit_code`` is what the
-command line returns for it.
+Every message states the value found, the value expected and the remedy. ``exit_code`` is the exit code of the
+command line.
 """
 
 from collections.abc import Iterable

@@ -1,6 +1,6 @@
 """The calibrated reach for other software: matrices with dead times, routing parameters, delays by discharge.
 
-Each file says where it comes from: the days, the verdict, the version and the intervals of the parameters.
+Each file states its origin: the days, the verdict, the version and the intervals of the parameters.
 """
 
 import csv

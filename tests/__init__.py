@@ -1,4 +1,4 @@
-"""The tests of rivid. `make test-long` sets RIVID_LONG: random examples then run in full."""
+"""The tests of rivid. `make test-long` sets RIVID_LONG: random examples then run completely."""
 
 import os
 
@@ -6,5 +6,5 @@ LONG = bool(os.environ.get("RIVID_LONG"))
 
 
 def examples(full, least=20):
-    """The number of random examples: all in `make test-long`, else an eighth, but at least `least`."""
+    """Return the number of random examples: all in `make test-long`, else an eighth, at least `least`."""
     return full if LONG else min(full, max(full // 8, least))

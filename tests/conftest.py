@@ -1,4 +1,4 @@
-"""Figures without their pixels, for tests that look at what is around them."""
+"""Figures without pixels, for tests that do not inspect them."""
 
 import pytest
 from PIL import Image
@@ -9,21 +9,21 @@ from rivid.atomic import replacing
 from rivid.plots import style
 
 PLACES = {"cli", "faults", "fleet", "results", "run", "test_readme.py"}
-"""Folders and files of tests that look at what is around figures."""
+"""Folders and files of tests that do not inspect figures."""
 
 SAVE, CORES = style.save, rivid.run.workers.cores
 USERS = (rivid.run.workers, rivid.run.run, rivid.fleet.run)
 
 
 def blank(figure, path):
-    """Write a picture of one pixel: rendering is most of the time of a short run."""
+    """Write a picture of one pixel: rendering takes most of the time of a short run."""
     with replacing(path) as scratch:
         Image.new("P", (1, 1)).save(scratch, "PNG")
 
 
 @pytest.fixture(scope="module", autouse=True)
 def unrendered(request):
-    """In some folders, figures are made by this process and not rendered; see `rendered`."""
+    """In some folders, draw figures in this process without rendering; see `rendered`."""
     with pytest.MonkeyPatch.context() as patch:
         if PLACES & {request.path.parent.name, request.path.name}:
             patch.setattr(style, "save", blank)
@@ -34,7 +34,7 @@ def unrendered(request):
 
 @pytest.fixture
 def rendered(monkeypatch):
-    """Real figures, drawn by processes as in use."""
+    """Draw real figures, by processes as in use."""
     monkeypatch.setattr(style, "save", SAVE)
     for module in USERS:
         monkeypatch.setattr(module, "cores", CORES)

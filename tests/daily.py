@@ -1,4 +1,4 @@
-"""Small, quick daily logs for tests: steps of inflow, a delayed integrator with feedback, gauge noise."""
+"""Small, fast daily logs for tests: steps of inflow, a delayed integrator with feedback, gauge noise."""
 
 import datetime as dt
 from pathlib import Path
@@ -11,7 +11,7 @@ ZONE = dt.timezone(dt.timedelta(hours=1))
 
 
 def a_day(date, seed=0, delay=6, n=650):
-    """Columns of one day: times (ISO text), inflow, outflow, level."""
+    """Return the columns of one day: times (ISO text), inflow, outflow, level."""
     rng = np.random.default_rng([seed, date.toordinal()])
     moves = (rng.random(n) < 0.12) * rng.normal(size=n) * 12
     inflow = np.clip(300 + np.cumsum(moves), 120, 700).round()
@@ -30,13 +30,13 @@ def a_day(date, seed=0, delay=6, n=650):
 
 
 def text_of(date, seed=0, delay=6, n=650):
-    """The day as canonical CSV."""
+    """Return the day as canonical CSV."""
     rows = zip(*a_day(date, seed, delay, n), strict=True)
     return "\n".join([HEAD, *(f"{t},{q:g},{o:g},{h:.3f}" for t, q, o, h in rows)]) + "\n"
 
 
 def write_days(folder: Path, n_days: int, seed: int = 0, first: dt.date = FIRST) -> list[dt.date]:
-    """Write `n_days` CSV files and give their dates."""
+    """Write `n_days` CSV files, and return their dates."""
     folder.mkdir(parents=True, exist_ok=True)
     dates = [first + dt.timedelta(days=k) for k in range(n_days)]
     for date in dates:

@@ -1,4 +1,4 @@
-"""A page as tests look at it."""
+"""A parsed page for tests."""
 
 import re
 from html.parser import HTMLParser

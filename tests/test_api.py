@@ -1,4 +1,4 @@
-"""The library: the same results as the commands, frozen, with a repr and a figure."""
+"""Test the library: the same results as the commands, frozen, with a repr and a figure."""
 
 import dataclasses
 import datetime as dt
@@ -72,7 +72,7 @@ def test_estimates_equal_those_of_rivid_run(tmp_path):
             assert (run["delay_samples"], run["delay_low"]) == (found.delay, found.delay_low)
             assert run["delay_s"] == run["travel_time_s"] == pytest.approx(found.travel * one.sample_time)
         run = rows[date, "jmap"]
-        assert run["travel_time_s"] == run["delay_s"] + one.sample_time / 2  # d to d + 1 samples
+        assert run["travel_time_s"] == run["delay_s"] + one.sample_time / 2  # in samples d to d + 1
 
 
 def test_a_day_has_a_repr_and_cannot_be_changed(day):
@@ -241,7 +241,7 @@ def test_every_result_has_a_short_repr_and_a_figure(day, season):
 
 
 def test_figures_keep_the_settings_of_matplotlib_and_functions_their_names():
-    """Modules of the same names as functions do not replace them."""
+    """Modules with the same names as functions do not replace them."""
     code = (
         "import sys, matplotlib, rivid\n"
         # rcParams["backend"] would import pyplot

@@ -1,4 +1,4 @@
-"""The configuration: defaults are the paper's, an error is one line."""
+"""Test the configuration: defaults are the paper's, an error is one line."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""Logs from a database and results into one: SQLite, and PostgreSQL where the system has it."""
+"""Test logs from a database and results into one: SQLite, and PostgreSQL if it is installed."""
 
 import datetime as dt
 import glob
@@ -30,7 +30,7 @@ DELAYS = pd.DataFrame(
 
 @pytest.fixture(scope="module")
 def postgres():
-    """The URL of a server of its own, which ends with the test."""
+    """Return the URL of a server that ends with the test."""
     found = shutil.which("initdb") or next(iter(sorted(glob.glob("/usr/lib/postgresql/*/bin/initdb"))), None)
     if found is None:
         pytest.skip("no PostgreSQL on this system")
@@ -79,7 +79,7 @@ def test_a_published_row_replaces_that_of_its_day_and_no_other(url):
 
 def test_a_failure_writes_nothing(url):
     publish(DELAYS.iloc[:1], url, "whole")
-    twice = pd.concat([DELAYS.iloc[1:], DELAYS.iloc[1:2]])  # the key of a row occurs again
+    twice = pd.concat([DELAYS.iloc[1:], DELAYS.iloc[1:2]])  # the key of a row is repeated
     with pytest.raises(DataError, match="database"):
         publish(twice, url, "whole")
     assert len(stored(url, "whole")) == 1
@@ -106,7 +106,7 @@ def test_a_query_is_limited_to_the_days_that_are_wanted(url):
 
 
 def test_ingest_and_publish_from_the_command_line(tmp_path, monkeypatch):
-    """From a table of tags to daily logs, to a run, and back."""
+    """From a table of tags to daily logs, to a run, and back to a table."""
     from tests.daily import a_day
 
     times, *columns = a_day(dt.date(2008, 3, 10))

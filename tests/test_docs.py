@@ -1,4 +1,4 @@
-"""The reference is complete, the links of the pages have targets, and the recipes work."""
+"""Test that the reference is complete, that links of the pages have targets, and that the recipes work."""
 
 import doctest
 import json

@@ -1,4 +1,4 @@
-"""Exported models do what the calibrated reach does; files are read by those whom they are for."""
+"""Test that exported models agree with the calibrated reach, and that their readers accept the files."""
 
 import csv
 import json
@@ -27,7 +27,7 @@ NOISE = {"gauge_sd": 0.003, "walk_sd": 1e-4, "inflow_sd": 2.0, "inflow_memory": 
 
 
 def pool(kind="saint-venant", effects=()):
-    """A pool's model and its record."""
+    """Return a pool's model and its record."""
     record = season(3)
     if kind == "saint-venant":
         reach = nominal(record)
@@ -39,7 +39,7 @@ def pool(kind="saint-venant", effects=()):
 
 
 def river():
-    """A river's model and its record."""
+    """Return a river's model and its record."""
     record = river_record(np.random.default_rng(4))
     reach = RiverResponse.nominal(4.0 * 3600.0, 3600.0, record.usual_flow)
     noise = NoiseModel(1.0, 0.0, 0.0, 9e4, 2.0, 3e4, record.sample_time, None)
@@ -48,7 +48,7 @@ def river():
 
 
 def written(reach, record, folder):
-    """model.toml of a reach."""
+    """Write model.toml of a reach."""
     river = record.kind == "river"
     kind = "river" if river else "pool"
     config = parse({"reach": {"kind": kind, "sample_time": reach.sample_time}}, Config)
@@ -83,7 +83,7 @@ def test_a_file_without_a_calibration_or_with_a_broken_one_is_refused(tmp_path):
 
 
 def stepped(model, column, samples):
-    """Output after a step of one input, by the matrices alone."""
+    """Return the output after a step of one input, from the matrices alone."""
     x, found = np.zeros(len(model.A)), []
     u = np.eye(model.B.shape[1])[column]
     for _ in range(samples):
@@ -108,7 +108,7 @@ def test_the_state_space_answers_a_step_as_the_reach_does(made):
 
 
 def kalman_sd(model, samples):
-    """Standard deviation of a reading, by the general filter, from a first sample that sets the level."""
+    """Return the standard deviation of a reading, by the general filter; the first sample sets the level."""
     P = model.G @ model.Q @ model.G.T * 0.0
     names = list(model.states)
     for name, row in zip(names, range(len(names)), strict=True):
@@ -135,7 +135,7 @@ def test_its_noise_is_that_of_the_filter(made):
     z[0, 40:] = np.nan
     _, sd = reach.noise.ahead(z)
     assert record.kind == "pool" or model.states[-1] == "discharge noise"
-    P = kalman_sd(model, 41)  # a reading of the sample after the last one that is there
+    P = kalman_sd(model, 41)  # a reading of the sample after the last one
     assert sd[0, 40] == pytest.approx(P[40], rel=1e-3)
 
 
@@ -159,7 +159,7 @@ def test_python_control_simulates_it_in_closed_loop():
     time = np.arange(400) * plant.dt
     found = control.forced_response(loop, time, np.ones((1, 400)) * 10.0).outputs
     dead = made.delays[0]
-    assert not found[:, : dead + 1].any() and abs(found[1, -1] - 10.0) < 1.0  # what comes in goes out
+    assert not found[:, : dead + 1].any() and abs(found[1, -1] - 10.0) < 1.0  # inflow equals outflow
 
 
 def test_the_files_of_a_state_space_are_the_same_model(tmp_path):
@@ -180,7 +180,7 @@ def test_routing_parameters_give_the_step_response(tmp_path):
     reach, record = pool("none")
     found = routing(reach)
     assert found["Ad"] == pytest.approx(6.7e5, rel=0.01) and found["delay"] == pytest.approx(900.0, abs=133.0)
-    assert abs(found["p21"]) * 6.7e5 < 300.0 and abs(found["p22"]) * 6.7e5 < 300.0  # no front: the step alone
+    assert abs(found["p21"]) * 6.7e5 < 300.0 and abs(found["p22"]) * 6.7e5 < 300.0  # no front: only the step
     reach, record = river()
     found = routing(reach)
     up = reach.kernels(300)["up"]
@@ -202,7 +202,7 @@ LAW = (
 
 @pytest.fixture
 def joined(tmp_path):
-    """What `rivid season` leaves."""
+    """Return the results of `rivid season`."""
     (tmp_path / "delay_law.csv").write_text(LAW)
     (tmp_path / "delay_law.json").write_text(json.dumps({"reach": "gorge", "T0": 5000.0}))
     return tmp_path
@@ -222,7 +222,7 @@ def test_links_of_pypsa(joined):
     assert [float(r["p_nom"]) for r in rows] == [
         200.0,
         200.0,
-    ]  # of flows to 200, and of those from there to 400
+    ]  # flows up to 200, and from there to 400
     pypsa = pytest.importorskip("pypsa")
     network = pypsa.Network()
     network.import_from_csv_folder(joined / "to")
@@ -251,7 +251,7 @@ def test_the_command_and_its_errors(tmp_path):
     assert (tmp_path / "export" / "state_space.mat").exists()
     code, said = command("export", tmp_path, "--to", "csv")
     assert code == 10 and "rivid season" in said
-    assert tuple(FORMATS) == OFFERED  # the command does not load the writers for its help
+    assert tuple(FORMATS) == OFFERED  # the command does not import the writers for its help
     code, said = command("export", path, "--to", "csv")  # a file, not a run
     assert code == 10 and "rivid season" in said
 

@@ -1,4 +1,4 @@
-"""Forecasts: bands that hold as often as they state, announced flows, and what the command writes."""
+"""Test forecasts: coverage of the bands, announced flows, and the output of the command."""
 
 import csv
 import datetime as dt
@@ -32,7 +32,7 @@ ZONE = dt.timezone(dt.timedelta(hours=-7))
 
 
 def long_river(seed=1, days=DAYS):
-    """A model, and a series of its own water, weather and gauge; the last day is to be forecast."""
+    """Return a model, and a series with its own weather and gauge noise; the last day is to be forecast."""
     reach, _ = river()
     rng = np.random.default_rng(seed)
     record = river_record(rng, days=days)
@@ -57,7 +57,7 @@ def known():
 
 
 def cut(series, now):
-    """What is known at a time: no later output."""
+    """Return the data known at a time: no later output."""
     output = series.output.copy()
     output[now + 1 :] = np.nan
     end = now + 1 + N
@@ -68,7 +68,7 @@ def cut(series, now):
 
 
 def test_bands_hold_as_often_as_they_state():
-    """Origins of 3 rivers that no coefficient has seen; a day's errors are alike, so a day counts as one."""
+    """Origins of 3 rivers not used for the coefficients. A day counts as one: its errors are correlated."""
     inside, origins = [], 0
     for seed in (2, 3, 4):
         reach, series = long_river(seed, days=75)
@@ -91,7 +91,7 @@ def test_bands_hold_as_often_as_they_state():
 
 
 def test_with_announced_flows_it_is_the_simulation_and_the_filter(known):
-    """Where nothing can be learnt: mean and spread of the noise model, by a slow conditional normal."""
+    """Without any learning data: mean and spread of the noise model, by a slow conditional normal."""
     reach, series = known
     now = 6 * N
     few = cut(series, now)
@@ -125,7 +125,7 @@ def test_with_announced_flows_it_is_the_simulation_and_the_filter(known):
 def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
     reach, series = known
     errors = {True: [], False: []}
-    for now in range(30 * N, 44 * N, 137):  # at all hours of the day
+    for now in range(30 * N, 44 * N, 137):  # all hours of the day
         for announced in errors:
             at = cut(series, now)
             inflow = at.inflow.copy()
@@ -153,7 +153,7 @@ def test_without_flows_before_the_origin_there_is_none(known):
 
 
 def logs(folder, series, announced):
-    """CSV days of a river; of the last day the flows alone, as far as they are announced."""
+    """Write CSV days of a river; for the last day only the flows, as far as they are announced."""
     folder.mkdir()
     rows = {}
     for k in range(len(series.time)):
@@ -172,7 +172,7 @@ CONFIG = '[reach]\nname = "gorge"\nkind = "river"\nsample_time = 900\n[input]\nt
 
 @pytest.fixture
 def place(known, tmp_path):
-    """Logs with announced flows of four hours, a configuration and a model."""
+    """Return logs with announced flows of four hours, a configuration and a model."""
     reach, series = known
     logs(tmp_path / "logs", series, 16)
     (tmp_path / "c.toml").write_text(CONFIG)
@@ -221,7 +221,7 @@ def test_logs_finer_than_the_model_give_means_of_their_flows(place):
         finer = [head]
         for line in lines:
             time, flow, output = line.split(",")
-            for k in (-1, 0, 1):  # off by as much before and after: the mean is the flow
+            for k in (-1, 0, 1):  # symmetric errors before and after: the mean is the flow
                 at = dt.datetime.fromisoformat(time) + dt.timedelta(seconds=300 * (k + 1))
                 finer.append(f"{at.isoformat()},{float(flow) + 9 * k:.3f},{output if k < 0 else ''}")
         path.write_text("\n".join(finer) + "\n")
@@ -244,7 +244,7 @@ def test_what_does_not_fit_is_refused(place):
 
 
 def test_a_pool_without_logged_outflow_is_refused(tmp_path):
-    """It was simulated with an outflow of zero."""
+    """Regression: it was simulated with an outflow of zero."""
     reach, record = pool("none")
     write_days(tmp_path / "logs", 1)
     model = rivid.load_model(written(reach, record, tmp_path))

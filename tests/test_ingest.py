@@ -1,4 +1,4 @@
-"""What ingest refuses, counts and leaves alone."""
+"""Test the refusals and counts of ingest, and the files that it must not change."""
 
 import datetime as dt
 import json
@@ -32,7 +32,7 @@ NEXT = DAY + dt.timedelta(days=1)
 
 
 def wide(n=96, start=0, first=DAY, zone="+01:00"):
-    """Rows of time, inflow, outflow, level as lists of text."""
+    """Return rows of time, inflow, outflow, level as lists of text."""
     midnight = dt.datetime.combine(first, dt.time())
     return [
         [(midnight + dt.timedelta(seconds=900 * k)).isoformat() + zone, f"{300 + k}", f"{290 + k}", "118.5"]
@@ -51,7 +51,7 @@ def go(tmp_path, rows, options=None, head="time,u_Qi,u_Qo,h_L", reach=None, **gi
 
 
 def written(folder, config):
-    """The only day of a directory or file."""
+    """Read the only day of a directory or file."""
     (source,) = find_days(folder, config).days
     return read_window(folder, [source], config)
 
@@ -306,10 +306,10 @@ HOLD = {"layout": "long", "tag": "tag"}
 
 
 class TestByException:
-    """Values that are logged when they change."""
+    """Values that are logged on change."""
 
     def rows(self):
-        """A change of the inflow each hour, at odd minutes; the others regular."""
+        """Return rows with a change of the inflow each hour, at odd minutes; the others are regular."""
         rows = []
         for k in range(96):
             time = f"{k // 4:02d}:{15 * (k % 4):02d}:00"
@@ -329,7 +329,7 @@ class TestByException:
         outcome = go(tmp_path, changes(*self.rows()), head="time,tag,value", hold={"u_Qi": 4000}, **HOLD)
         assert outcome.exit_code == 0
         data = written(tmp_path / "logs", load_config(outcome.run_config))
-        # the change at 01:07 is seen at 01:15
+        # the change at 01:07 is visible at 01:15
         expected = [300 + 4 * ((k - 1) // 4 if k >= 5 else 0) for k in range(96)]
         np.testing.assert_array_equal(data.inflow, expected)
         assert data.n_filled == 0

@@ -1,4 +1,4 @@
-"""Every file of the corpus: read as declared to the last digit, and never wrong without a word."""
+"""Test every file of the corpus: read to the last digit as declared, and never wrong without a message."""
 
 import csv
 import importlib.util
@@ -31,13 +31,13 @@ def files_of(name):
 
 
 def expected_of(name):
-    """Seconds to the three values, None where nothing was measured."""
+    """Return the three values by seconds, None if nothing was measured."""
     rows = csv.DictReader(io.StringIO((HERE / name / "expected.csv").read_text()))
     return {int(r["second"]): [float(r[n]) if r[n] else None for n in NAMES] for r in rows}
 
 
 def found_in(folder):
-    """The rows of rivid's own logs, without rivid: CSV with offsets."""
+    """Read the rows of rivid's own logs without rivid: CSV with offsets."""
     import datetime as dt
 
     found = {}
@@ -50,7 +50,7 @@ def found_in(folder):
 
 
 def differences(found, expected):
-    """Moments at which the logs hold another value than was measured, or one where none was."""
+    """Return the moments at which the logs and the measured values differ, or a value was not measured."""
     wrong = []
     for second, values in found.items():
         true = expected.get(second)
@@ -68,7 +68,7 @@ def test_the_committed_files_are_what_the_generator_writes(name):
 
 @pytest.fixture(scope="module", params=CASES)
 def declared(request, tmp_path_factory):
-    """The name of a case, its folder, and the outcome of the ingest with everything declared."""
+    """Return the name of a case, its folder, and the outcome of the ingest with all declarations."""
     folder = tmp_path_factory.mktemp(request.param)
     config = load_config(HERE / request.param / "config.toml")
     return request.param, folder, ingest(files_of(request.param), folder / "logs", config)
@@ -141,11 +141,11 @@ def test_the_command_on_an_ingested_case_finds_identical_logs(declared):
 
 
 NOBODY_CAN_TELL = {("hourly_means", "stamp"), ("hourly_means", "stamp.u_Qi")}
-"""A stamp moves values in time and leaves no trace in the file: `sniff` asks for it every time."""
+"""A stamp moves values in time and is not visible in the file: `sniff` asks for it every time."""
 
 
 def ablations():
-    """Every case with one thing less declared."""
+    """Yield every case without one of its declarations."""
     for name in CASES:
         given = tomllib.loads((HERE / name / "config.toml").read_text())["input"]
         for key, value in given.items():
@@ -179,7 +179,7 @@ def test_whatever_is_not_declared_is_asked_for_or_makes_no_difference(tmp_path, 
 
 @pytest.mark.parametrize("name", CASES)
 def test_nothing_is_read_where_nothing_is_declared(tmp_path, name):
-    """Neither columns nor zone: refused before any day is looked at, with the way out."""
+    """Neither columns nor zone are declared: the refusal comes before any day is read, with the remedy."""
     with pytest.raises(RividError, match="rivid sniff|time_zone") as caught:
         ingest(files_of(name), tmp_path / "logs", parse({"reach": {"sample_time": 900}}, Config))
     assert caught.value.exit_code == 2 and not (tmp_path / "logs").exists()

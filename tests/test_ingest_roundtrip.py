@@ -1,4 +1,4 @@
-"""Sample days in dialects that the corpus lacks, and back: identical arrays and estimates."""
+"""Test sample days in dialects that the corpus lacks, and back: identical arrays and estimates."""
 
 import datetime as dt
 import gzip
@@ -25,7 +25,7 @@ STEP = 133
 
 
 def arrays_of(folder, config, n_days=N_DAYS):
-    """Per date: inflow, outflow, level."""
+    """Return inflow, outflow and level by date."""
     days = find_days(folder, config).days[:n_days]
     found = {}
     for source in days:
@@ -41,7 +41,7 @@ def original():
 
 
 def samples(original):
-    """(local moment, three numbers as exact text)."""
+    """Yield local moments with three numbers as exact text."""
     for date, columns in original.items():
         midnight = dt.datetime.combine(date, dt.time(), CET)
         for k, values in enumerate(zip(*columns, strict=True)):
@@ -61,7 +61,7 @@ def wide(original, form="%Y-%m-%d %H:%M:%S", separator=",", decimal=".", quote="
 
 
 def long_rows(original):
-    """A row per value, the last first."""
+    """Return a row per value, the last first."""
     for moment, cells in reversed(list(samples(original))):
         for tag, value in zip(NAMES, cells, strict=True):
             yield f"{moment:%Y-%m-%d %H:%M:%S},{tag},{value}"

@@ -1,4 +1,4 @@
-"""Imports go downwards only, inside folders too, and the mathematics reads no files."""
+"""Test that imports go downwards only, also inside folders, and that the mathematics reads no files."""
 
 import ast
 import subprocess
@@ -26,7 +26,7 @@ LAYERS = (
     ("cli",),
     ("__main__",),
 )
-"""What stands at the top of rivid/, from the bottom up; a layer imports from those before it."""
+"""Modules and folders of rivid/, from the bottom up; a layer imports from the previous ones."""
 OUTSIDE = {
     "core": {"numpy", "scipy"},
     "reach": {"numpy", "scipy", "numba"},
@@ -43,7 +43,7 @@ MODULES = {module_of(path): path for path in ROOT.rglob("*.py")}
 
 
 def imports(path):
-    """Names of the modules that a file imports, in functions too, but not for types alone."""
+    """Return the names of the modules that a file imports, in functions too, but not for types alone."""
 
     todo = [ast.parse(path.read_text(encoding="utf-8"))]
     while todo:
@@ -61,12 +61,12 @@ def imports(path):
 
 @cache
 def imported():
-    """The modules that each module imports: read by the tests, and not while they are collected."""
+    """Return the imports of each module; read in the tests, not during their collection."""
     return {name: {other for other in imports(path) if other != name} for name, path in MODULES.items()}
 
 
 def circles(graph):
-    """Groups of nodes that reach each other."""
+    """Return groups of nodes that reach each other."""
     reach = {}
     for start in graph:
         seen, todo = set(), [start]
@@ -79,7 +79,7 @@ def circles(graph):
 
 
 def inside(folder):
-    """The imports among what stands in a folder, named by its first part."""
+    """Return the imports among the parts of a folder, by their first name."""
     found = {}
     for name, others in imported().items():
         if name.startswith(folder + "."):

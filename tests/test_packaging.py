@@ -1,4 +1,4 @@
-"""Wheel and sdist are complete, and rivid installed from them works in a clean environment."""
+"""Test that wheel and sdist are complete, and that rivid installed from them works in a clean environment."""
 
 import os
 import subprocess
@@ -43,7 +43,7 @@ def build(source, kind, out):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """Wheel and sdist of a copy of the sources, as a build leaves files next to them."""
+    """Return wheel and sdist of a copy of the sources, with the files that a build leaves."""
     place = tmp_path_factory.mktemp("packaging")
     source, out = place / "source", place / "dist"
     out.mkdir()
@@ -56,7 +56,7 @@ def built(tmp_path_factory):
 
 
 def contents(wheel):
-    """The names of the files in a wheel with their bytes."""
+    """Return the files in a wheel by name, with their bytes."""
     with zipfile.ZipFile(wheel) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 
@@ -100,7 +100,7 @@ def test_the_wheel_works_in_a_clean_environment(built, tmp_path):
     options = ["--no-deps", "--no-index", "--disable-pip-version-check", "--quiet"]
     run(sys.executable, "-m", "pip", "--python", python, "install", *options, built / WHEEL)
     (site,) = (environment / "lib").glob("python*/site-packages")
-    # dependencies come from this environment, as there may be no network; .pth files there, such as that of
+    # dependencies come from this environment: there may be no network; .pth files there, such as that of
     # an editable rivid, are not read
     (site / "lent.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
     where = run(python, "-c", "import rivid; print(rivid.__file__)", cwd=tmp_path).strip()

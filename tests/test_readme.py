@@ -1,4 +1,4 @@
-"""Every command of the README runs, in order, in an empty directory."""
+"""Test that every command of the README runs, in order, in an empty directory."""
 
 import json
 import re
@@ -19,21 +19,21 @@ LONG = re.compile(r"rivid (simulate|diagnose|forecast)|sample_data |basse_isere 
 
 
 def commands():
-    """The commands of the indented blocks, without their comments."""
+    """Return the commands of the indented blocks, without their comments."""
     for line in README.splitlines():
         if line.startswith("    ") and re.match(r"(rivid|make|\d+ \d+ \* \* \*) ", line.strip()):
             yield line.split("  #")[0].strip()
 
 
 def block(language, holding):
-    """The fenced block that holds a text."""
+    """Return the fenced block that contains a text."""
     (found,) = [b for b in re.findall(rf"```{language}\n(.*?)```", README, re.S) if holding in b]
     return found
 
 
 @pytest.fixture
 def place(tmp_path):
-    """A directory with the data and the configurations of a clone."""
+    """Return a directory with the data and the configurations of a clone."""
     for name in ("sample_data", "configs"):
         (tmp_path / name).symlink_to(ROOT / name)
     return tmp_path
@@ -43,7 +43,7 @@ def run(line, place):
     """Run a command in a directory, with its redirection."""
     command, _, file = line.rpartition(">") if ">" in line else (line, "", "")
     words = shlex.split(command.rstrip(">"))
-    if "dask" in words:  # a fork of a process that has used Dask has its locks, and not its threads
+    if "dask" in words:  # a fork of a process that has used Dask has its locks, but not its threads
         done = subprocess.run(
             [sys.executable, "-m", "rivid", *words[1:]], cwd=place, capture_output=True, text=True
         )
@@ -75,7 +75,7 @@ def test_the_short_commands_run_in_their_order(place, monkeypatch):
     exec(block("python", "rivid.read_day"), names)
     assert len(names["frame"]) == 28  # of jmap and of posterior
 
-    # the morning run of the README: rivid.toml above the logs, and no option but --quiet
+    # the morning run of the README: rivid.toml above the logs, and only the option --quiet
     (place / "data").mkdir()
     shutil.move(place / "logs", place / "data" / "logs")
     settings = (place / "logs_run.toml").read_text(encoding="utf-8")

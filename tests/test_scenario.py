@@ -1,4 +1,4 @@
-"""Scenarios are checked when they are read; the message names the key."""
+"""Test that scenarios are validated when they are read, and that the message names the key."""
 
 import datetime as dt
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What sniff proposes for the corpus: right by itself where it is sure, and a question where it is not."""
+"""Test the proposals of sniff for the corpus: right if it is certain, otherwise a question."""
 
 import datetime as dt
 import tomllib
@@ -30,7 +30,7 @@ ANSWERS = {
     "zrxp": {"u_Qi": "UPPER.Q", "u_Qo": "LOWER.Q"},
     "tag_files": {"u_Qi": "UP_Q", "u_Qo": "DN_Q"},
 }
-"""What operators must answer; the other cases need the zone only, which each is given."""
+"""Keys that operators must answer. The other cases need the zone only, which each is given."""
 
 
 def zone_of(name):
@@ -38,7 +38,7 @@ def zone_of(name):
 
 
 def gaps_of(name):
-    """The share that may be missing: a choice, not a property of the file."""
+    """Return the share that may be missing: a choice, not a property of the file."""
     given = load_config(HERE / name / "config.toml")
     return {"max_gap": given.input.max_gap}
 
@@ -79,7 +79,7 @@ def test_a_proposal_is_wrong_only_in_keys_that_are_open(name, tmp_path):
 @pytest.mark.parametrize("name", [name for name in CASES if zone_of(name)])
 def test_without_a_zone_it_is_asked_for_and_nothing_is_read(name, tmp_path):
     proposal = sniff(files_of(name))
-    if name in ("zrxp", "historian", "ogc_json"):  # TZUTC+1 in its header; an offset behind each time
+    if name in ("zrxp", "historian", "ogc_json"):  # TZUTC+1 in its header; an offset after each time
         assert "time_zone" not in proposal.open_keys
         return
     assert "time_zone" in proposal.open_keys

@@ -1,4 +1,4 @@
-"""Numbers in words; the interval that is printed for a travel time holds the true time."""
+"""Test numbers in text, and that the printed interval of a travel time contains the true time."""
 
 import datetime as dt
 import re
@@ -86,7 +86,7 @@ def test_the_travel_time_printed_for_a_delay_holds_the_time_that_the_wave_needs(
     for _ in range(400):
         T_s = float(rng.choice([60, 133, 300, 900, 3600]))
         time = float(rng.uniform(1.05, 40) * T_s)
-        d = int(np.ceil(time / T_s)) - 1  # as of a simulated day
+        d = int(np.ceil(time / T_s)) - 1  # as in a simulated day
         low, high, unit = re.fullmatch(r"([\d.]+) to ([\d.]+) (min|h)", travel([d], T_s)).groups()
         size = 60 if unit == "min" else 3600
         digit = 0.5 if float(high) >= 100 else 0.05

@@ -1,4 +1,4 @@
-"""The notebook of the tour runs from its first cell to its last."""
+"""Test that the notebook of the tour runs from its first cell to its last."""
 
 import ast
 import json
@@ -19,7 +19,7 @@ def cells(path=TOUR):
 
 
 def run(cells, monkeypatch):
-    """Execute code cells in order and give the value of each one's last expression, as a notebook would."""
+    """Execute code cells in order; return the value of each one's last expression, like a notebook."""
     monkeypatch.chdir(TOUR.parent)
     names, shown = {}, {}
     for cell in cells:

@@ -1,1 +1,1 @@
-"""The exam of `rivid diagnose`: effects hidden in simulated seasons, answers judged against targets."""
+"""Exam of `rivid diagnose`: effects hidden in simulated seasons, answers judged against targets."""

@@ -1,14 +1,14 @@
-"""The exam of `rivid diagnose`: seasons without a result are answered, and docs/exam.md is written.
+"""Exam of `rivid diagnose`: answer the seasons that have no result yet, and write docs/exam.md.
 
 Usage: python -m benchmarks.exam [--seeds A:B] [--shard I/N] [--processes N] [--hours H] [--kept DIR]
                                  [--page FILE] [--page-only]
-       python -m benchmarks.exam quick          short seasons; fails where a share is far from its target
-       python -m benchmarks.exam draw SEED ...  what is hidden in these seasons, a line of JSON each
-       python -m benchmarks.exam sizes [A:B]    1x of every effect in some worlds, as a table
+       python -m benchmarks.exam quick          short seasons; fails if a share is far from its target
+       python -m benchmarks.exam draw SEED ...  the hidden effects of these seasons, one JSON object a line
+       python -m benchmarks.exam sizes [A:B]    table of 1x of every effect in some worlds
 
-Proof seeds begin at :data:`benchmarks.exam.worlds.FIRST_PROOF`; those below, and each that was looked at, are
-for development. Results are kept in build/exam, a line of JSON each: a second call goes on where the
-first was stopped. Remove a line, or a file, to ask it again.
+Proof seeds begin at :data:`benchmarks.exam.worlds.FIRST_PROOF`. The seeds below, and each seed that has been
+inspected, are for development. Results are stored in build/exam, one JSON object a line. A second call
+continues where the first one was stopped. Remove a line or a file to answer its seasons again.
 """
 
 import argparse
@@ -24,19 +24,20 @@ from benchmarks.exam.running import KEPT, outstanding, results_of, run, short
 from benchmarks.exam.worlds import FIRST_PROOF, draw
 
 PROOF = range(FIRST_PROOF, FIRST_PROOF + 1500)
-"""Seeds of `make exam`: of the 420 with nothing missing, none named has an upper limit of 0.009."""
+"""Seeds of `make exam`. About 420 of them have nothing missing: if no name is given there, the upper limit of
+the share is 0.009."""
 QUICK_DAYS, QUICK_STEP = 30, 150.0
 """Days of the seasons of `quick`, and their shortest sample time [s]."""
 
 
 def quick_seeds(many: int = 40) -> list[int]:
-    """Seeds of `quick`: of development, they are seen at every change."""
+    """Return the seeds of `quick`. They are for development: they are inspected after every change."""
     slow = (seed for seed in itertools.count(5000) if draw(seed).scenario.reach.sample_time >= QUICK_STEP)
     return list(itertools.islice(slow, many))
 
 
 def shard_of(text: str) -> tuple[int, int]:
-    """Number of a shard, from 0, and of how many.
+    """Return the number of a shard, counted from 0, and the number of shards.
 
     Examples
     --------
@@ -50,7 +51,7 @@ def shard_of(text: str) -> tuple[int, int]:
 
 
 def seeds_of(text: str) -> range:
-    """Seeds from one to before another.
+    """Return the seeds from A to before B.
 
     Examples
     --------
@@ -64,21 +65,21 @@ def seeds_of(text: str) -> range:
 
 
 def options(words: Sequence[str]) -> argparse.Namespace:
-    """The command line of the exam itself."""
+    """Parse the command line of the exam without subcommand."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exam", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--seeds", type=seeds_of, default=PROOF, help="A:B: from A to before B")
     parser.add_argument("--shard", type=shard_of, default=(0, 1), help="I/N: every N-th seed from I on")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--hours", type=float, help="no season is begun later")
-    parser.add_argument("--page-only", action="store_true", help="write the page from what is there")
-    parser.add_argument("--page", type=Path, default=PAGE, help="where the page goes")
-    parser.add_argument("--kept", type=Path, default=KEPT, help="where results are kept")
+    parser.add_argument("--hours", type=float, help="start no season after this time")
+    parser.add_argument("--page-only", action="store_true", help="write the page from the stored results")
+    parser.add_argument("--page", type=Path, default=PAGE, help="file of the page")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="folder of the results")
     return parser.parse_args(words)
 
 
 def drawn(seeds: Sequence[str]) -> int:
-    """Print what is hidden in the seasons of some seeds."""
+    """Print the hidden effects of the seasons of some seeds."""
     from benchmarks.exam.hiding import plant
 
     for seed in seeds:
@@ -95,7 +96,7 @@ def sizes(words: Sequence[str]) -> int:
 
 
 def quick(kept: Path | None = None) -> int:
-    """Answer short seasons of development; 1 where a share is far from its target."""
+    """Answer short seasons for development; return 1 if a share is far from its target."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as scratch:
@@ -110,7 +111,7 @@ def quick(kept: Path | None = None) -> int:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Answer what is outstanding, and write the page."""
+    """Answer the outstanding seasons, and write the page."""
     given = list(sys.argv[1:] if words is None else words)
     if given and given[0] in ("draw", "sizes"):
         return (drawn if given[0] == "draw" else sizes)(given[1:])

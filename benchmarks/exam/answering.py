@@ -1,6 +1,6 @@
-"""The candidate's desk: logs and the nominal reach come in, an answer goes out.
+"""Answer an exam season: from the logs and the nominal reach to a diagnosis.
 
-This module runs in a process that simulates nothing. It knows neither worlds nor what was planted.
+This module runs in a process that simulates nothing. It has no access to the worlds and the hidden effects.
 """
 
 import datetime as dt
@@ -19,7 +19,7 @@ from rivid.types import Floats
 
 @dataclass(frozen=True, eq=False)
 class Logs:
-    """What a diagnosis is given.
+    """Input of a diagnosis.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class Logs:
     seconds : ndarray, shape (n,)
         Sample times after local midnight [s].
     inflow, output : ndarray, shape (days, n)
-        u_Qi [m3/s]; level [m] or a river's discharge [m3/s].
+        u_Qi [m3/s]; level [m], or discharge of a river [m3/s].
     outflow : ndarray, shape (days, n), or None
         u_Qo [m3/s]; None for a river.
     config : dict
-        The configuration that a user would write: `[reach]` and `[diagnose]`.
+        The user's configuration: `[reach]` and `[diagnose]`.
     """
 
     dates: tuple[dt.date, ...]
@@ -43,12 +43,12 @@ class Logs:
 
     @property
     def settings(self) -> Config:
-        """The configuration, checked."""
+        """Validated configuration."""
         return parse(self.config, Config, "exam")
 
 
 def record_of(logs: Logs) -> Record:
-    """Days in rows, with the lead time that `rivid diagnose` gives them."""
+    """Return the days as rows, with the lead time of `rivid diagnose`."""
     settings = logs.settings
     T_s, kind = settings.reach.sample_time, settings.reach.kind
     every = joined(settings, T_s)
@@ -74,35 +74,35 @@ def _diagnosed(logs: Logs, most: int | None = None, told: Sequence[dict[str, Any
 
 
 def answer(logs: Logs) -> dict[str, Any]:
-    """The diagnosis of some logs, as `diagnosis.json` has it, and how long it took [s].
+    """Diagnose logs; return the content of `diagnosis.json` and the duration.
 
     Returns
     -------
     dict
-        With `seconds`; `error` where the diagnosis failed.
+        With `seconds` [s]; only `error` and `seconds` if the diagnosis failed.
     """
     began = time.perf_counter()
     try:
         said = _diagnosed(logs)
-    except Exception as error:  # a diagnosis that fails is an answer, and a wrong one
+    except Exception as error:  # a failed diagnosis is a wrong answer
         said = {"error": f"{type(error).__name__}: {error}"[:300]}
     said["seconds"] = round(time.perf_counter() - began, 1)
     return said
 
 
 def floor(logs: Logs, told: Sequence[dict[str, Any]]) -> list[float] | None:
-    """Errors on the sealed days, by horizon, of a model that has the planted effects from the start.
+    """Return the errors on the held-out days, by horizon, of a model that starts with the hidden effects.
 
     Parameters
     ----------
     logs : Logs
     told : sequence of dict
-        The effects as tables, drawn events as they were drawn.
+        The effects as tables, with their drawn events.
 
     Returns
     -------
     list of float or None
-        None where that model cannot be calibrated.
+        None if the model cannot be calibrated.
     """
     try:
         gap = _diagnosed(logs, 0, told).get("gap")

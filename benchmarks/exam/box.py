@@ -1,10 +1,9 @@
-"""A third kind of water: Saint-Venant by an implicit box scheme, in compound sections. It shares no
-hydraulics with `rivid.reach`.
+"""Solve Saint-Venant by an implicit box scheme in compound sections, without the hydraulics of `rivid.reach`.
 
-The scheme is Preissmann's: levels z and discharges Q stand at the nodes, both at the same times, and a box of
-length dx and time step dt is weighed by `THETA` in time and one half in space. A section is a main channel
-with sloping banks and, above the bankfull depth, a floodplain; conveyances of the two add. Newton's steps are
-solved by a double sweep, since both ends have a given discharge.
+The scheme is Preissmann's. Levels z and discharges Q are at the nodes, both at the same times. A box of
+length dx and time step dt has the weight `THETA` in time and one half in space. A section is a main channel
+with sloping banks and, above the bankfull depth, a floodplain; the conveyances of the two add. Newton's steps
+are solved by a double sweep, since the discharge is given at both ends.
 """
 
 from dataclasses import dataclass
@@ -37,12 +36,12 @@ from rivid.types import Floats
 
 G = 9.80665
 THETA = 0.505
-"""Weight of the new time: 0.5 is of second order and rings, 1 damps."""
+"""Weight of the new time level: 0.5 is of second order and oscillates, 1 is dissipative."""
 STEADY = 40
-"""Turns of the fixed point of a box's steady momentum; it gains a digit or more with each."""
+"""Fixed-point iterations of the steady momentum equation of a box. Each one gains a digit or more."""
 NEWTON, ENOUGH = 4, 1e-6
-"""Most Newton steps of a time step, and the largest change of a level [m] after which none follows: the next
-one would be of the order of its square."""
+"""Largest number of Newton steps in a time step, and the largest level change [m] after which they stop. The
+next change would be of the order of its square."""
 
 
 class Nodes(NamedTuple):
@@ -54,13 +53,13 @@ class Nodes(NamedTuple):
     bankfull: Floats  # depth from which the floodplain is flooded [m]
     plain: Floats  # width of the floodplain [m]
     manning: Floats  # [s/m^(1/3)]
-    usual: Floats  # depth above which the surface grows beside what the sections make of it [m]
-    growth: Floats  # of the surface's width by that [m for each metre]
+    usual: Floats  # depth above which the surface grows in addition to the section [m]
+    growth: Floats  # additional growth of the surface width [m per metre of level]
 
 
 @njit(cache=True, error_model="numpy")
 def section(h: float, n: Nodes, i: int) -> tuple[float, float, float, float]:
-    """Area, width of the surface, conveyance and its derivative by the depth h of node i."""
+    """Return area, surface width, conveyance and its derivative by the depth h of node i."""
     b, s, hb, f, m = n.bottom[i], n.bank[i], n.bankfull[i], n.plain[i], n.manning[i]
     slant = 2.0 * np.sqrt(1.0 + s * s)
     A, B, P = (b + s * h) * h, b + 2.0 * s * h, b + slant * h
@@ -69,7 +68,7 @@ def section(h: float, n: Nodes, i: int) -> tuple[float, float, float, float]:
     K = A * (A / P) ** (2.0 / 3.0) / m
     dK = K * (5.0 / 3.0 * B / A - 2.0 / 3.0 * slant / P)
     over = h - hb
-    if over > 0.0 and f > 0.0:  # rougher by half, as overgrown land is
+    if over > 0.0 and f > 0.0:  # Manning's coefficient is larger by half on overgrown land
         Kf = f * over ** (5.0 / 3.0) / (1.5 * m)
         return A + f * over, B + f, K + Kf, dK + 5.0 / 3.0 * Kf / over
     return A, B, K, dK
@@ -80,9 +79,10 @@ def step(
     z: Floats, Q: Floats, up: float, down: float, q: Floats, dt: float, dx: float, n: Nodes, work: Floats,
     theta: float,
 ) -> bool:  # fmt: skip
-    """One time step: z and Q (nodes,) are overwritten; q (nodes - 1,) enters each box [m2/s].
+    """Advance z and Q (nodes,) in place by one time step; q (nodes - 1,) enters each box [m2/s].
 
-    `up` and `down` are the discharges at the ends at the new time. False where a node runs dry.
+    `up` and `down` are the discharges at the ends at the new time. Return False if a node runs dry or the
+    iteration diverges.
     """
     nodes = len(z)
     z0, Q0, A0, M0, K0 = work[0], work[1], work[2], work[3], work[4]
@@ -122,7 +122,7 @@ def step(
             c2 += G * Am * theta * (1.0 / dx - fk * dKk / Kk)
             b2 = 0.5 / dt - theta * 2.0 * Q[i] / Ai / dx + G * Am * theta * abs(Q[i]) / (Ki * Ki)
             d2 = 0.5 / dt + theta * 2.0 * Q[k] / Ak / dx + G * Am * theta * abs(Q[k]) / (Kk * Kk)
-            # dQ_i out of both, dz_i by continuity, dQ_k by momentum
+            # eliminate dQ_i from both equations, dz_i by continuity, dQ_k by momentum
             e1, e2 = a1 + b1 * E[i], a2 + b2 * E[i]
             r1, r2 = -r1 - b1 * F[i], -r2 - b2 * F[i]
             R[j], S[j], T[j] = r1 / e1, -c1 / e1, -d1 / e1  # dz_i = R + S dz_k + T dQ_k
@@ -148,7 +148,10 @@ def step(
 
 @njit(cache=True, error_model="numpy")
 def steady(level: float, flow: float, dx: float, n: Nodes, z: Floats) -> bool:
-    """Write the levels (nodes,) of a steady flow [m3/s] that has a level [m] at the lower end."""
+    """Write the levels (nodes,) of a steady flow [m3/s] with a given level [m] at the lower end.
+
+    Return False if a node runs dry.
+    """
     z[:] = level
     for i in range(len(z) - 2, -1, -1):
         k = i + 1
@@ -172,7 +175,7 @@ def run(
     nodes: Nodes, dx: float, gate_time: float, z: Floats, level: Floats, released: Floats,
     theta: float, longest: float,
 ) -> int:  # fmt: skip
-    """Go through all samples and write the outflow of operators; the sample that failed, or -1."""
+    """Simulate all samples and write the operators' outflow; return the sample that failed, or -1."""
     n, boxes = len(time), len(nodes.bed) - 1
     Q, q, work = np.full(boxes + 1, inflow[0]), np.zeros(boxes), np.empty((10, boxes + 1))
     memory, state = np.empty(MEMORY), np.empty(GATE)
@@ -220,8 +223,8 @@ def run(
 class Box:
     """A reach of boxes.
 
-    Its time step is the time in which the usual wave crosses a box: the scheme then moves small waves exactly.
-    With half of it, waves of a few boxes run ahead.
+    The time step is the time in which the usual wave crosses a box: the scheme then moves small waves
+    exactly. With half of it, waves with a length of a few boxes are too fast.
     """
 
     length: float
@@ -231,7 +234,7 @@ class Box:
     theta: float = THETA
 
     def arrival(self, flow: float, level: float) -> float:
-        """Travel time of a small wave [s] through a steady flow [m3/s] that has a level [m] at its end."""
+        """Return the travel time [s] of a small wave on a steady flow [m3/s] with a level [m] at its end."""
         n, dx = self.nodes, self.length / (len(self.nodes.bed) - 1)
         z = np.empty(len(n.bed))
         steady(level, flow, dx, n, z)
@@ -247,7 +250,13 @@ class Box:
         start: float,
         changes: Changes,
     ) -> tuple[Floats, Floats, Floats]:
-        """Level [m], outflow commands and what the gate lets through [m3/s]; arrays of shape (n,)."""
+        """Return level [m], outflow commands and flow through the gate [m3/s], shape (n,) each.
+
+        Raises
+        ------
+        RividError
+            If a node runs dry or the iteration diverges.
+        """
         n, boxes = len(time), len(self.nodes.bed) - 1
         operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
         given = inflow.copy() if isinstance(outflow, OperatorArrays) else np.array(outflow, float)

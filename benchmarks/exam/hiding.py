@@ -1,8 +1,8 @@
-"""What is hidden in a world, at what size, and what is expected of an answer.
+"""Draw the hidden effects of an exam season, their sizes, and the expected answer.
 
-The kind of what is hidden is drawn with the shares of :data:`TYPES`. Sizes are drawn log-uniform from 1 to 16
-times what an effect needs in its own world to be missing (`benchmarks.exam.sizing`), and end at
-:data:`LARGEST`; an effect that does not show below that is not hidden there.
+The kind of season is drawn with the probabilities :data:`TYPES`. Sizes are drawn log-uniform from 1 to 16
+times 1x, the smallest size at which the effect matters in its world (`benchmarks.exam.sizing`), and end at
+:data:`LARGEST`. An effect with a larger 1x than that is not hidden in this world.
 """
 
 import datetime as dt
@@ -43,40 +43,40 @@ TYPES = {
     "nothing": 0.22, "operators": 0.06, "one": 0.34, "twin": 0.1, "two": 0.12, "outside": 0.08,
     "removed": 0.08,
 }  # fmt: skip
-"""Shares of what is hidden. A twin is one effect too, of :data:`TWINS`."""
+"""Probability of each kind of season. `twin` is one effect too, drawn from :data:`TWINS`."""
 TWINS = (
     "inflow_gain_error", "outflow_gain_error", "lateral_inflow", "sensor_drift", "unlogged_upstream_release",
 )  # fmt: skip
-"""Effects that often have a rival: hidden more often than others."""
+"""Effects that often have a rival. They are hidden more often than others."""
 MOST_TIMES = 16.0
 TRIES = 40
-"""Worlds that a seed draws at most; about every fourth is one whose operators do not hold its level."""
+"""Largest number of draws for a seed. About one world in four has operators that do not hold its level."""
 
 REMOVED: dict[str, tuple[str, ...]] = {
     "seiche": (), "unlogged_downstream_release": (), "clock_offset": ("clock_drift",), "diurnal_inflow": (),
     "rain_inflow": (), "sensor_step": (), "outflow_lag": ("gate_rate_limit",),
 }  # fmt: skip
-"""Effects hidden while the library lacks them, with those that are nearly the same and are lacking too."""
+"""Effects that are hidden while the library lacks them, with similar effects that are excluded too."""
 EVENTS = {"rain_inflow": ("peak", "peak_m3s"), "unlogged_downstream_release": ("size", "size_m3s")}
-"""Effects whose events are drawn: the parameter that each event has for itself, and its key among them."""
+"""Effects with drawn events: the parameter that each event has separately, and its key in an event."""
 CHANNELED = ("storage_area_slope", "seiche")
-"""True of a channel by itself, and not counted unless hidden: it has banks that the configuration does not name,
-and its weather makes it swing in its own period, in one season by 7 mm."""
+"""Effects that every simulated channel has. They are not counted unless hidden: a channel has banks that the
+configuration does not describe, and the weather excites its natural period, in one season by 7 mm."""
 OUTSIDERS: dict[str, tuple[str, ...]] = {
     "hunting_governor": (), "bent_rating": (), "siphon": (), "silting_well": ("stilling_well",),
 }  # fmt: skip
-"""Outsiders, with effects of the catalogue that would be right."""
+"""Outsiders, with effects of the catalogue that would be a right answer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Planted:
-    """A season, and what is sealed of it.
+    """A season and its sealed truth.
 
     Attributes
     ----------
     logs : Logs
     truth : dict
-        As JSON has it; see :func:`plant`.
+        JSON-compatible; see :func:`plant`.
     season : Season
     """
 
@@ -86,7 +86,7 @@ class Planted:
 
     @property
     def told(self) -> list[Table] | None:
-        """The effects with their draws given; None where the season has one that no model can be given."""
+        """Hidden effects with their drawn events; None if there are none, or if a model cannot have them."""
         hidden = self.season.effects
         if any(e.name not in CATALOGUE or e.found_as == "swing" for e in hidden) or not hidden:
             return None
@@ -103,25 +103,30 @@ class Planted:
 
 
 def plant(seed: int, longest: int = 1000) -> Planted:
-    """The season of a seed.
+    """Simulate the season of a seed with its hidden effects.
 
-    The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
-    1x, for each), `units` (1x of each), `by` (what asks for it), `nats` (how much likelier each makes the
-    logs than nothing, by the reference; None of a noise), `rivals` (of one effect or two: by how many nats
-    they are ahead of each effect that is confounded with one of them), `allowed` (names that are true of the
-    water itself), `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its
-    factors).
+    The truth has these keys:
+
+    - `seed`, `attempt`, `kind` (one of :data:`TYPES`), `effects` (tables);
+    - `times`: size of each effect in units of 1x;
+    - `units`: 1x of each effect, and `by`: the criterion that sets it;
+    - `nats`: log-likelihood ratio of the logs with each effect to that without, by the reference; None for an
+      effect that is noise;
+    - `rivals`: for one or two effects, their lead over each effect confounded with one of them [nats];
+    - `allowed`: names that are true of the hydraulics themselves;
+    - `excluded`: names that are excluded from the diagnosis;
+    - `first_day`, `days`, and `world` (its factors).
 
     Parameters
     ----------
     seed : int
     longest : int
-        Most days of the season.
+        Largest number of days of the season.
 
     Raises
     ------
     RividError
-        Where no draw of the seed can be simulated.
+        If no draw of the seed can be simulated.
     """
     for attempt in range(TRIES):
         world = draw(seed, attempt)
@@ -183,30 +188,30 @@ def _planted(world: World, attempt: int) -> Planted:
 
 
 def sealed(seed: int, longest: int = 1000) -> tuple[Logs, Table]:
-    """Logs and truth of a seed, fit to be sent from process to process.
+    """Return the logs and the truth of a seed, in a form that can be sent between processes.
 
-    The truth has one more key, `told`: the effects as a model that knows all has them, or None where no model
-    can.
+    The truth has one more key, `told`: the hidden effects as given to the model that knows the truth, or None
+    if no model can be given them.
     """
     planted = plant(seed, longest)
     return planted.logs, planted.truth | {"told": planted.told}
 
 
 def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
-    """The record of a seed's season, the configuration that a user would write, and the truth."""
+    """Return the record of a seed's season, the user's configuration, and the truth."""
     planted = plant(seed)
     return record_of(planted.logs), planted.logs.settings, planted.truth
 
 
 def possible(world: World, classes: dict[str, type[Effect]]) -> tuple[str, ...]:
-    """Effects and outsiders that a world can have."""
+    """Return the names of the effects and outsiders that a world can have."""
     if world.kind == "river":
         return tuple(n for n, one in classes.items() if one.acts_on_river and n != "hunting_governor")
     return (*classes, "silting_well")
 
 
 def names_of(kind: str, rng: np.random.Generator, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of what is hidden, of those that are possible, for a kind that hides something."""
+    """Draw the names of the hidden effects among the possible ones, for a kind that hides some."""
     pools = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS), "twin": TWINS}
     pool = pools.get(kind, tuple(DRAWN))
     known = [name for name in pool if name in names]
@@ -216,7 +221,7 @@ def names_of(kind: str, rng: np.random.Generator, names: tuple[str, ...]) -> tup
 def _sized(
     name: str, ref: Reference, classes: dict[str, type[Effect]], rng: np.random.Generator
 ) -> tuple[Unit, float]:
-    """An effect at 1x, and the size drawn in units of it."""
+    """Return an effect at 1x, and its drawn size in units of 1x."""
     table = table_of(name, ref.world, rng)
     if name == "silting_well":
         one = well_unit(ref, table, lambda t: silting(t, ref.season))
@@ -232,10 +237,11 @@ def _sized(
 def rivals_of(
     ref: Reference, made: Sequence[Effect], catalogue: dict[str, type[Effect]], rng: np.random.Generator
 ) -> dict[str, float]:
-    """By how many nats effects are ahead of those of the catalogue that are confounded with them.
+    """Return the lead of effects over the effects of the catalogue that are confounded with them [nats].
 
-    A rival has the same dates, and a size of its own; it stands beside all that a calibration moves and, of
-    two effects, beside the other one, which alone counts as a rival too. Effects that are noise have none.
+    A rival has the same dates and a free size. It is fitted together with all parameters of a calibration
+    and, of two effects, with the other one. Of two effects, each is a rival of the other too. Effects that
+    are noise have no rivals.
     """
     changes = [ref.change(changes_of((effect,), ref.season.world)) for effect in made]
     found: dict[str, float] = {}
@@ -259,14 +265,17 @@ def rivals_of(
 
 
 def nats_of(ref: Reference, effect: Effect) -> float | None:
-    """How much likelier an effect makes the logs than the calibration alone [nats]; None of a noise."""
+    """Return the log-likelihood ratio of an effect to the calibration alone [nats]; None if it is noise."""
     if effect.name in NOISES:
         return None
     return round(0.5 * beyond(ref, ref.change(changes_of((effect,), ref.season.world)))[1], 1)
 
 
 def near_of(effect: Effect, catalogue: dict[str, type[Effect]]) -> set[str]:
-    """Names that one of the two classes declares confounded with an effect, of those that have a course."""
+    """Return the names confounded with an effect, declared by either class, that can be hidden.
+
+    Effects with drawn events and noises are left out: they have no fixed course.
+    """
     mine = {*effect.confounded_with, *effect.twins}
     return {
         name
@@ -281,7 +290,7 @@ def near_of(effect: Effect, catalogue: dict[str, type[Effect]]) -> set[str]:
 def _rival(
     ref: Reference, effect: Effect, name: str, catalogue: dict[str, type[Effect]], rng: np.random.Generator
 ) -> Floats | None:
-    """What a rival with the dates of an effect does to the level; None where it does nothing."""
+    """Return the change of the level by a rival with an effect's dates; None if it changes nothing."""
     table = {key: v for key, v in table_of(name, ref.world, rng).items() if key not in ("dates", "hours")}
     if effect.dates is not None and catalogue[name].windowed:
         table["dates"] = list(effect.dates)
@@ -293,7 +302,7 @@ def _rival(
 
 
 def table_of_units(seeds: Sequence[int], each: int = 9) -> str:
-    """1x of every effect over some worlds, of which each has `each` effects, as a table."""
+    """Return a table of 1x of every effect over some worlds, with `each` effects in each world."""
     catalogue = effect_classes()
     classes, names = catalogue | outside.classes(), [*DRAWN, *FOREIGN]
     sizes: dict[str, list[float]] = {name: [] for name in names}
@@ -326,7 +335,7 @@ def table_of_units(seeds: Sequence[int], each: int = 9) -> str:
 
 
 def referred(seed: int) -> tuple[World, Reference]:
-    """The world of a seed with nothing hidden, and its reference."""
+    """Return the world of a seed without hidden effects, and its reference."""
     for attempt in range(TRIES):
         world = draw(seed, attempt)
         try:
@@ -337,14 +346,14 @@ def referred(seed: int) -> tuple[World, Reference]:
 
 
 def ends_of(table: Table, season: Season) -> int:
-    """How many ends of dates lie within the season."""
+    """Return the number of ends of an effect's dates within the season."""
     if "dates" not in table:
         return 0
     return int(table["dates"][0] > season.dates[0]) + int(table["dates"][1] < season.dates[-1])
 
 
 def _flow(w: World, share: float) -> float:
-    """A share of the mean flow [m3/s]."""
+    """Return a share of the mean flow [m3/s]."""
     return share * w.scenario.flow.mean
 
 
@@ -352,7 +361,7 @@ Largest = Callable[[World], float]
 _FLOW = {"lateral_inflow": 0.3, "diurnal_inflow": 0.3, "rain_inflow": 1.0, "unlogged_upstream_release": 0.5,
          "unlogged_downstream_release": 0.7, "leakage": 1.0, "gate_deadband": 0.15,
          "hunting_governor": 0.2, "siphon": 0.3}  # fmt: skip
-"""Of the mean flow; of a leak, for each metre."""
+"""Shares of the mean flow; for a leak, per metre of head."""
 LARGEST: dict[str, Largest] = {
     **{name: partial(_flow, share=share) for name, share in _FLOW.items()},
     "inflow_gain_error": lambda _: 0.3,
@@ -373,11 +382,11 @@ LARGEST: dict[str, Largest] = {
     "ice_cover": lambda w: 3.0 * w.travel,
     "silting_well": lambda _: 14_400.0,
 }
-"""Of each effect's size: more is not found at such reaches."""
+"""Largest size of each effect that such reaches have."""
 
 
 def table_of(name: str, world: World, rng: np.random.Generator) -> Table:
-    """An effect with everything drawn, its size a first guess."""
+    """Draw an effect with a first guess of its size."""
     return (
         {"name": name, **DRAWN[name](world, rng)}
         if name in DRAWN
@@ -386,7 +395,7 @@ def table_of(name: str, world: World, rng: np.random.Generator) -> Table:
 
 
 def _dates(world: World, rng: np.random.Generator, always: float, least: int = 10) -> Table:
-    """Dates of `least` days or more, half of them to the end; none with probability `always`."""
+    """Draw dates of `least` days or more, half of them up to the end; none with probability `always`."""
     days, first = world.scenario.days, world.scenario.first_day
     if rng.random() < always:
         return {}
@@ -396,7 +405,7 @@ def _dates(world: World, rng: np.random.Generator, always: float, least: int = 1
 
 
 def _from_a_date(world: World, rng: np.random.Generator) -> Table:
-    """Dates with an end within the season, and a third of it or more on either side of an end."""
+    """Draw dates with one end within the season, at least a quarter of it from its first and last day."""
     days, first = world.scenario.days, world.scenario.first_day
     a = int(rng.integers(days // 4, 3 * days // 4))
     kept = (a, days) if rng.random() < 0.5 else (0, a)
@@ -417,7 +426,7 @@ def _sign(rng: np.random.Generator) -> float:
 
 
 def _locks(world: World, rng: np.random.Generator) -> Table:
-    """Pulses of one size and length; or, one time in three, of two, the lengths about those."""
+    """Draw pulses of one size and length or, one time in three, of two sizes with scattered lengths."""
     per_day, duration = log_uniform(rng, 0.5, 12.0), log_uniform(rng, 0.2, 4.0)
     size = _flow(world, 0.05)
     if rng.random() < 2.0 / 3.0:
@@ -433,7 +442,7 @@ def _locks(world: World, rng: np.random.Generator) -> Table:
 
 
 def _steps(world: World, rng: np.random.Generator) -> Table:
-    """One step of the gauge, or up to six, of about one size, up and down."""
+    """Draw one step of the gauge, or up to six steps of similar size with random signs."""
     many = int(rng.integers(1, 7)) if rng.random() < 0.5 else 1
     start = np.sort(rng.uniform(48.0, 24.0 * world.scenario.days - 48.0, many)).round(4).tolist()
     step = [0.03 * _sign(rng) * float(rng.uniform(0.6, 1.0)) for _ in range(many)]
@@ -493,11 +502,11 @@ FOREIGN: dict[str, Maker] = {
     },
     "silting_well": lambda w, r: {"lag": 300.0} | _from_a_date(w, r),
 }  # fmt: skip
-"""The same of outsiders."""
+"""Outsiders that may be hidden."""
 
 
 def silting(table: Table, season: Season) -> Floats:
-    """What a well that silts up evenly over its dates shows less one that does not [m], (days, n)."""
+    """Return the error of a stilling well that silts up evenly over its dates [m], shape (days, n)."""
     first, last = ((date - season.dates[0]).days for date in table["dates"])
     number = np.array([(date - season.dates[0]).days for date in season.dates])
     share = (number - first + 1.0) / (last - first + 1.0)
@@ -509,7 +518,7 @@ def silting(table: Table, season: Season) -> Floats:
 
 
 def two_crews(logs: Logs, world: World, rng: np.random.Generator) -> Logs:
-    """Logs whose second half has other operators; a day without logs lies between the two."""
+    """Return logs with other operators in the second half, after a day without logs."""
     said = world.scenario.operators
     trust, slow = float(rng.uniform(0.7, 0.95)), float(rng.uniform(1.2, 2.5))
     other = said.model_copy(

@@ -1,7 +1,7 @@
-"""An answer beside the truth: what was right, what was wrong, and how much of the gap was closed.
+"""Judge an answer by the truth: right and wrong names, and the closed share of the gap.
 
-Pure functions on plain tables: the answer as `diagnosis.json` has it, the truth as `benchmarks.exam.hiding`
-seals it.
+The functions are pure and take plain tables: the answer as in `diagnosis.json`, the truth as returned by
+`benchmarks.exam.hiding`.
 """
 
 from collections.abc import Sequence
@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 
 EXCESS = 0.1
-"""A gap is there where the truth would take away this share of the squared error."""
+"""A gap exists if the truth would remove more than this share of the squared error."""
 LEAST = 0.01
-"""Least probability of a name that the reliability diagram counts: below it are all names of the
-catalogue."""
+"""Smallest probability of a name that the reliability diagram counts. A lower limit would count every name of
+the catalogue."""
 AHEAD = 16.0
-"""Nats by which an effect is ahead of each rival where it can be separated: a probability of 0.95 needs log
-19 = 3, and what is won scatters by sqrt(2 x 16) = 6, of which 3 + 2 x 6 = 15 leaves room for two."""
+"""Lead over each rival from which an effect counts as separable [nats]. A probability of 0.95 requires log 19
+= 3. The gained log-likelihood scatters by sqrt(2 x 16) = 6, and 3 + 2 x 6 = 15 leaves a margin of two."""
 
 Table = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What an answer was worth.
+    """Evaluation of an answer.
 
     Attributes
     ----------
@@ -34,31 +34,32 @@ class Judged:
     times : float or None
         Size of the smallest effect, in units of 1x.
     names : tuple of str
-        Given, in order, each once, without those that are allowed.
+        Names in the answer, in order and without repetition, without the allowed ones.
     verdict : str
-        `error` where the diagnosis failed.
+        `error` if the diagnosis failed.
     first, alone : bool
-        The first name is a planted one; and no other is given, as itself or as a tie.
+        Whether the first name is a hidden effect, and whether there is no other name, alone or as a tie.
     found : bool
-        A planted name is the first, or tied with it.
+        Whether the first name is a hidden effect or tied with one.
     wrong : bool
-        The first name is another than planted, and does not say that it may be the planted one.
+        Whether the first name is neither a hidden effect nor tied with one, or the diagnosis failed.
     held, close : bool
-        All planted names are given or tied; and none but these and their rivals.
+        Whether all hidden effects are named or tied, and whether there are no names but these and their
+        rivals.
     every, extra : bool
-        Every planted name is given, not only as a tie; and one more.
+        Whether all hidden effects are named, not only as a tie, and whether there is another name.
     unknown : bool
-        It says that something is missing, without a name.
+        Whether the verdict is that something without a name is missing.
     growth : float or None
-        Largest growth of the error on the sealed days over the horizons, as a share.
+        Largest relative growth of the error on the held-out days over the horizons.
     beyond : float or None
-        The same over the greater of two errors, without the effects and of the model that knows the truth.
+        The same relative to the larger of two errors: without effects, and of the model that knows the truth.
     closed : tuple of float or None
-        Share of the gap closed at each horizon; None where there is no gap to close.
+        Share of the gap closed at each horizon; None if there is no gap.
     covered : tuple of (str, bool)
-        Parameters with an interval, and whether the planted value is in it.
+        Parameters with an interval, and whether it contains the planted value.
     chances : tuple of (float, bool)
-        Probability of each name of the ranking, and whether it is planted.
+        Probability of each name of the ranking, and whether it is a hidden effect.
     """
 
     kind: str
@@ -82,13 +83,13 @@ class Judged:
 
     @property
     def gap_closed(self) -> float | None:
-        """Median over the horizons that have a gap."""
+        """Median over the horizons with a gap."""
         shares = [share for share in self.closed if share is not None]
         return float(np.median(shares)) if shares else None
 
 
 def kind_of(truth: Table) -> str:
-    """The kind of a truth; one effect or two by how far the nearest rival is."""
+    """Return the kind of a truth; of effects with rivals, by the lead over the nearest rival."""
     near = min(truth["rivals"].values(), default=np.inf) < AHEAD
     if truth["kind"] == "one":
         return "confounded" if near else "separable"
@@ -101,7 +102,7 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
     Parameters
     ----------
     answer : dict
-        As diagnosis.json; or with `error`.
+        Content of `diagnosis.json`, or a table with `error`.
     truth : dict
         See :func:`benchmarks.exam.hiding.plant`.
     floor : sequence of float, optional
@@ -117,7 +118,7 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
     tied_first = set(given[0]["tied_with"]) if given else set()
     rivals = {name for name, nats in truth["rivals"].items() if nats < AHEAD}
     verdict = "error" if failed else str(answer["verdict"])
-    stands = verdict != "did_not_hold"  # a right name that is taken back is not found; a wrong one is there
+    stands = verdict != "did_not_hold"  # a withdrawn right name is not found; a withdrawn wrong one counts
     right = bool(names) and names[0] in known
     tied = bool(tied_first & known)
     first, found = right and stands, (right or tied) and stands
@@ -144,7 +145,7 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
 
 
 def chances(answer: Table, known: set[str], allowed: set[str]) -> list[tuple[float, bool]]:
-    """Probability of each name, summed over the explanations that hold it, and whether it is planted."""
+    """Return the probability of each name, summed over explanations, and whether it is a hidden effect."""
     total: dict[str, float] = {}
     for one in answer.get("ranking") or []:
         for name in set(one["names"]):
@@ -163,10 +164,11 @@ def chances(answer: Table, known: set[str], allowed: set[str]) -> list[tuple[flo
 
 
 def growth(answer: Table, floor: Sequence[float] | None = None) -> float | None:
-    """Largest growth of the error of the sealed days from the plain model to the answer's, over horizons.
+    """Return the largest relative growth of the held-out error from the plain model to the answer's.
 
-    With a floor only what exceeds that as well is growth: operators hold the level, and what they do about
-    the weather is in the logs, so that too large a surface forecasts the level better than the true one.
+    With a floor, growth is relative to the larger of the plain model's error and the floor. Operators hold
+    the level and respond to the weather, and their response is in the logs, so a model with too large a
+    surface area forecasts the level better than one with the true area.
     """
     gap = answer.get("gap")
     if not gap:
@@ -179,12 +181,12 @@ def growth(answer: Table, floor: Sequence[float] | None = None) -> float | None:
 
 
 def described(gap: Table) -> list[float | None]:
-    """Errors with all effects, events timed on the day itself where the answer says so."""
+    """Return the errors with all effects, with events timed on the day itself if the answer has them."""
     return list(gap.get("rmse_described") or gap["rmse_augmented"])
 
 
 def closed(answer: Table, floor: Sequence[float] | None) -> tuple[float | None, ...]:
-    """Share of the squared error above the floor that is gone, at each horizon."""
+    """Return the closed share of the squared error above the floor, at each horizon."""
     gap = answer.get("gap")
     if not gap or floor is None:
         return ()
@@ -198,9 +200,9 @@ def closed(answer: Table, floor: Sequence[float] | None) -> tuple[float | None, 
 
 
 def covering(given: Sequence[Table], truth: Table) -> list[tuple[str, bool]]:
-    """Parameters with an interval: `effect.parameter`, and whether the planted value is within.
+    """Return `effect.parameter` of each interval, and whether it contains the planted value.
 
-    Events are left out: what is said of them are sizes that were found, not an interval of the mean.
+    Effects with events are left out: the answer gives the sizes found, not an interval of their mean.
     """
     found = []
     planted = {table["name"]: table for table in reversed(truth["effects"])}
@@ -217,7 +219,7 @@ def covering(given: Sequence[Table], truth: Table) -> list[tuple[str, bool]]:
             if not p["high"] > p["low"]:
                 continue
             low, high = p["low"], p["high"]
-            if p["unit"] == "h" and p["name"] == "hour":  # round the clock
+            if p["unit"] == "h" and p["name"] == "hour":  # modulo 24 h
                 middle = 0.5 * (low + high)
                 value = middle + (value - middle + 12.0) % 24.0 - 12.0
             found.append((f"{e['name']}.{p['name'].split('[')[0]}", bool(low <= value <= high)))

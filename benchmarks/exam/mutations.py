@@ -1,7 +1,7 @@
-"""Parts of the diagnosis taken out one by one: the exam must fail each time.
+"""Remove parts of the diagnosis one at a time: the exam must fail each time.
 
-The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. A mutation under
-which no share is refused is a part that nothing shows to be needed, or a hole in the exam.
+The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. If no share is
+refused under a mutation, either the removed part is not needed or the exam does not test it.
 
 Usage: python -m benchmarks.exam.mutations [--only MUTATION ...] [--seeds A:B]
 """
@@ -25,40 +25,40 @@ from benchmarks.exam.running import Desks, results_of, run, short
 from benchmarks.measure import table
 
 WORKFLOW = "rivid.diagnosis.workflow.diagnose"
-"""Is replaced by the regression."""
+"""Replaced by the regression."""
 MATERIAL = "rivid.diagnosis.decision.is_material"
-"""Says whether an explanation matters: (one, other, ...) to bool."""
+"""Decides whether an explanation is material: (one, other, ...) to bool."""
 LATENT = "rivid.diagnosis.workflow._Search._with_unknown"
-"""Adds what competes without a name, a flow and an error of the gauge, to the explanations: (search, parent)
-to parent and what was added."""
+"""Adds the explanations without a name, a flow and an error of the gauge: (search, parent) to parent and the
+added explanations."""
 BLOCKS = "rivid.diagnosis.blocks.split"
-"""Deals days in blocks: (days, block_days) to Split; it is patched wherever it was imported to."""
+"""Divides days into blocks: (days, block_days) to Split. It is patched in every module that imports it."""
 Mutation = Callable[[], contextlib.AbstractContextManager[Any]]
 
 
 def as_it_is() -> contextlib.AbstractContextManager[Any]:
-    """Nothing is taken out."""
+    """Remove nothing."""
     return contextlib.nullcontext()
 
 
 def regression() -> contextlib.AbstractContextManager[Any]:
-    """The whole search replaced by least squares of the level's differences."""
+    """Replace the whole search by least squares of the level differences."""
     return patch(WORKFLOW, named_by_regression)
 
 
 def all_material() -> contextlib.AbstractContextManager[Any]:
-    """What is sure is named, whatever it changes."""
+    """Regard every explanation as material, so that significant effects are named whatever their size."""
     return patch(MATERIAL, lambda *_, **__: True)
 
 
 def no_latent() -> contextlib.AbstractContextManager[Any]:
-    """Names compete with nothing unknown."""
+    """Remove the explanations without a name."""
     return patch(LATENT, lambda _, parent: (parent, []))
 
 
 @contextlib.contextmanager
 def days_for_blocks() -> Iterator[None]:
-    """Days are dealt, left out and resampled one by one."""
+    """Assign, leave out and resample single days instead of blocks."""
     from rivid.diagnosis import blocks
 
     split = blocks.split
@@ -69,7 +69,7 @@ def days_for_blocks() -> Iterator[None]:
 
 
 def importers(target: str) -> list[str]:
-    """All names in `rivid.diagnosis` under which a function was imported, the target itself among them."""
+    """Return all names in `rivid.diagnosis` under which a function is imported, the target included."""
     module, _, name = target.rpartition(".")
     function = getattr(importlib.import_module(module), name)
     found = []
@@ -92,13 +92,13 @@ MUTATIONS: dict[str, Mutation] = {
 
 
 def answered(logs: Logs, mutation: str) -> dict[str, Any]:
-    """A diagnosis with a part taken out; in a process of its own."""
+    """Diagnose with a part removed; runs in a process of its own."""
     with MUTATIONS[mutation]():
         return answer(logs)
 
 
 def failing(mutation: str, seeds: Sequence[int]) -> list[str]:
-    """Shares that are refused under a mutation."""
+    """Return the shares that are refused under a mutation."""
     desks = Desks(short(QUICK_DAYS).plant, partial(answered, mutation=mutation), no_floor)
     with TemporaryDirectory() as scratch:
         run(
@@ -109,7 +109,7 @@ def failing(mutation: str, seeds: Sequence[int]) -> list[str]:
         )
         results = results_of(Path(scratch))
     crashed = [str(one["answer"]["error"]) for one in results if "error" in one["answer"]]
-    if crashed:  # it would be refused for that, and prove nothing
+    if crashed:  # the exam would refuse the failures, which shows nothing about the removed part
         raise RuntimeError(f"{mutation}: {len(crashed)} of {len(results)} diagnoses failed: {crashed[0]}")
     judged = [j for _, j in marked(results)]
     return [
@@ -121,11 +121,11 @@ def failing(mutation: str, seeds: Sequence[int]) -> list[str]:
 
 
 def no_floor(*_: Any) -> None:
-    """No model that knows the truth: the gap is not asked."""
+    """Skip the model that knows the truth: the closed gap is not evaluated."""
 
 
 def told(found: dict[str, list[str]]) -> str:
-    """The table: each mutation with the shares that are refused."""
+    """Return the table of mutations with the refused shares."""
     lines = []
     for mutation, failed in found.items():
         good = bool(failed) != (mutation == "as it is")
@@ -135,7 +135,7 @@ def told(found: dict[str, list[str]]) -> str:
 
 
 def noticed(found: dict[str, list[str]]) -> bool:
-    """Whether nothing is refused as it is, and something under every mutation.
+    """Return whether nothing is refused without a mutation, and something under every mutation.
 
     Examples
     --------
@@ -150,8 +150,8 @@ def noticed(found: dict[str, list[str]]) -> bool:
 def main(words: Sequence[str] | None = None) -> None:
     """Answer the short seasons under each mutation, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exam.mutations", description=__doc__)
-    parser.add_argument("--only", nargs="*", default=[], help="mutations whose name holds this")
-    parser.add_argument("--seeds", type=seeds_of, help="A:B; those of `quick` unless given")
+    parser.add_argument("--only", nargs="*", default=[], help="mutations with this in their name")
+    parser.add_argument("--seeds", type=seeds_of, help="A:B; default: the seeds of `quick`")
     said = parser.parse_args(words)
     chosen = [m for m in MUTATIONS if not said.only or any(part in m for part in said.only)]
     found = {mutation: failing(mutation, said.seeds or quick_seeds()) for mutation in chosen}

@@ -1,10 +1,10 @@
-"""The regression that must not be: least squares of the level's differences on flows and candidates.
+"""Name effects by a naive regression: least squares of level differences on flows and candidates.
 
     h[k+1] - h[k] = a + b Qi[k - d] - c Qo[k] + g x[k] + e[k]
 
-for each candidate x, as if the measured regressors had no errors and e no memory. It names
-what has |t| above 3.3. Operators hold the level by the outflow, so that level and unexplained inflow go
-together, and it finds leaks where none are.
+for each candidate x, as if the measured regressors had no errors and e no memory. Candidates with |t| above
+3.3 are named. Operators hold the level by the outflow, so level and unexplained inflow are correlated, and
+the regression finds leaks that do not exist. The exam must refuse this method.
 """
 
 from typing import Any
@@ -17,13 +17,13 @@ from rivid.effects import CATALOGUE
 from rivid.types import Floats
 
 SURE = 3.3
-"""Of |t|."""
+"""Threshold of |t|."""
 DELAY = 6
-"""Samples that the inflow needs, about."""
+"""Approximate travel time of the inflow [samples]."""
 
 
 def candidates(record: Record) -> dict[str, Floats]:
-    """What each effect would add to the difference, in its own shape; each of shape (days, n)."""
+    """Return the course that each effect would add to the difference, shape (days, n) each."""
     h = record.output - record.usual_output
     turn = 2.0 * np.pi * record.hour / 24.0
     late = np.roll(record.inflow, DELAY, axis=1)
@@ -40,7 +40,7 @@ def candidates(record: Record) -> dict[str, Floats]:
 def named_by_regression(
     record: Record, response: Any, classes: dict[str, Any], **_: Any
 ) -> tuple[Diagnosis, None]:
-    """Answer like :func:`rivid.diagnosis.workflow.diagnose`, from the regression alone."""
+    """Diagnose by the regression alone, with the signature of :func:`rivid.diagnosis.workflow.diagnose`."""
     kept = record.used[:, 1:] & record.used[:, :-1]
     y = np.diff(record.output, axis=1)[kept]
     late = np.roll(record.inflow, DELAY, axis=1)
@@ -58,7 +58,7 @@ def named_by_regression(
 
 
 def _t(columns: list[Floats], y: Floats) -> float:
-    """t of the last column."""
+    """Return t of the last column."""
     X = np.stack(columns, axis=1)
     X = X / np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
     G = np.linalg.pinv(X.T @ X)

@@ -1,4 +1,4 @@
-"""Outsiders, which no effect of the catalogue is."""
+"""Outsiders: effects that are not in the catalogue."""
 
 from pathlib import Path
 
@@ -8,6 +8,6 @@ FILES = Path(__file__).parent.parent.parent / "configs" / "scenarios" / "outside
 
 
 def classes() -> dict[str, type[Effect]]:
-    """The outsiders that change flows, by name."""
+    """Return the outsiders that change flows, by name."""
     files = {"hunting_governor": "hunting", "bent_rating": "rating", "siphon": "siphon"}
     return {name: effect_classes(FILES / f"{file}.py")[name] for name, file in files.items()}

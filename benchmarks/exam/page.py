@@ -1,4 +1,4 @@
-"""Judged answers as a page: docs/exam.md."""
+"""Write judged answers as a page: docs/exam.md."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
@@ -20,12 +20,12 @@ Marked = tuple[Result, Judged]
 
 
 def marked(results: Sequence[Result]) -> list[Marked]:
-    """Results with their marks."""
+    """Return the results with their evaluations."""
     return [(r, judge(r["answer"], r["truth"], r["floor"])) for r in results]
 
 
 def page(results: Sequence[Result]) -> str:
-    """All of it.
+    """Return the whole page.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def page(results: Sequence[Result]) -> str:
 
 
 def about(marks: Sequence[Marked]) -> str:
-    """How many seasons, how long they took, and who answered."""
+    """Describe the number of seasons, the duration of a diagnosis, and the revisions."""
     if not marks:
         return "No season has been answered yet."
     seconds = np.array([r["answer"].get("seconds", 0.0) for r, _ in marks])
@@ -63,7 +63,7 @@ COLUMNS = ["hidden", "share", "target", "n", "hits", "share (Wilson 95 %)", "ver
 
 
 def targets(judged: Sequence[Judged]) -> str:
-    """The table of targets."""
+    """Return the table of targets."""
     lines, last = [], ""
     for asked in ROWS:
         hits, n = asked.counted(judged)
@@ -101,7 +101,7 @@ def _quantiles(shares: Sequence[float]) -> tuple[float | None, float | None]:
 
 
 def reliability(judged: Sequence[Judged]) -> str:
-    """Probabilities of names in tenths, beside how often they are right, with bars."""
+    """Return a table of the probabilities of names in tenths and their share of right names, with bars."""
     chances = [one for j in judged for one in j.chances]
     if not chances:
         return "No probabilities yet.\n"
@@ -125,7 +125,7 @@ def reliability(judged: Sequence[Judged]) -> str:
 
 
 def coverage(judged: Sequence[Judged]) -> str:
-    """95 % intervals that hold the planted value, by parameter."""
+    """Return a table of how often the 95 % intervals contain the planted value, by parameter."""
     by_name: dict[str, list[bool]] = defaultdict(list)
     for j in judged:
         for name, inside in j.covered:
@@ -142,7 +142,7 @@ def coverage(judged: Sequence[Judged]) -> str:
 def _binned(key: str, edges: Sequence[float], unit: str, digits: str = "g") -> Callable[[Result], str]:
     def label(r: Result) -> str:
         world = r["truth"]["world"]
-        if world["water"] == "river" and unit == "m":  # its gauge has a discharge, and it is longer
+        if world["water"] == "river" and unit == "m":  # its gauge reads discharge, and it is longer
             return "river"
         value = float(world[key])
         k = int(np.searchsorted(edges, value, side="right"))
@@ -193,7 +193,7 @@ HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2
 
 
 def by_factor(marks: Sequence[Marked]) -> str:
-    """The shares that matter most, by each factor of the world."""
+    """Return a table of the main shares by each factor of the world."""
     false = (ROWS[0], next(a for a in ROWS if a.words == "named all the same"))
     first = next(a for a in ROWS if a.words == ">= 2x, separable: first")
     worse = next(a for a in ROWS if "worse" in a.words)
@@ -216,7 +216,7 @@ def by_factor(marks: Sequence[Marked]) -> str:
 
 
 def by_effect(marks: Sequence[Marked]) -> str:
-    """Of one effect: found by size, alone, wrong; and the gap closed."""
+    """Return a table of single effects: found by size, alone, wrong, and the closed gap."""
     cells: dict[str, list[Marked]] = defaultdict(list)
     for r, j in marks:
         if r["truth"]["kind"] == "one":
@@ -251,7 +251,7 @@ def by_effect(marks: Sequence[Marked]) -> str:
 
 
 def mistakes(marks: Sequence[Marked]) -> str:
-    """Every name that should not have been given."""
+    """Return a table of all wrong names."""
     lines = []
     for r, j in marks:
         if j.wrong or j.extra or (j.names and j.kind in ("nothing", "operators", "outside", "removed")):

@@ -1,9 +1,9 @@
-"""A free river for the exam: a row of reservoirs, each with the storage of a wide channel.
+"""Simulate a free river for the exam: a cascade of reservoirs, each with the storage of a wide channel.
 
     dS/dt = inflow - Q,   S = area(Q) length / N,   area = usual area (Q / usual flow)^0.6
 
-The diagnosis fits a diffusive wave, which is another model. Source: Kalinin and Milyukov (1957) for the
-reservoirs; the exponent is that of Manning's equation in a wide channel.
+The diagnosis fits another model, a diffusive wave. Source: Kalinin and Milyukov (1957) for the reservoirs;
+the exponent is that of Manning's equation in a wide channel.
 """
 
 from functools import cached_property
@@ -18,16 +18,16 @@ from rivid.simulation.season import Water
 from rivid.types import Floats, Ints
 
 STEP = 60.0
-"""Longest of the routing [s]."""
+"""Longest time step of the routing [s]."""
 FEWEST, MOST = 8, 30
-"""Reservoirs: waves of a river of 50 km spread by a fifth to a third of their travel time."""
+"""Number of reservoirs. Waves of a river of 50 km spread by a fifth to a third of their travel time."""
 
 
 @njit(cache=True, error_model="numpy")
 def route(
     inflow: Floats, sides: Floats, enters: Ints, steps: int, dt: float, scale: float, count: int, out: Floats
 ) -> bool:
-    """Write the discharge at the lower end (n,) at the beginning of each sample; False where it runs dry.
+    """Write the discharge at the lower end (n,) at the start of each sample; return False if it runs dry.
 
     `sides` (k, n) enter the reservoirs `enters` (k,); `scale` is S / Q^0.6 of a reservoir.
     """
@@ -50,18 +50,18 @@ def route(
 
 
 class RiverWater(Water):
-    """A river instead of a pool: its "level" is the discharge at the lower end [m3/s], and it has no operators."""
+    """River instead of a pool. Its "level" is the discharge at the lower end [m3/s]; it has no operators."""
 
     @cached_property
     def count(self) -> int:
-        """How many reservoirs."""
+        """Number of reservoirs."""
         return int(np.random.default_rng([self.scenario.seed, 41]).integers(FEWEST, MOST + 1))
 
     def run(
         self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
         changes: Changes, start: float,
     ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
-        """As of the base class; the outflow is nothing."""
+        """Simulate the river, see the base class. The outflow is zero."""
         n, reach, mean = len(time), self.scenario.reach, self.scenario.flow.mean
         T = reach.sample_time
         steps = int(np.ceil(T / STEP))

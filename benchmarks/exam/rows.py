@@ -1,4 +1,4 @@
-"""What the exam asks: shares of answers, each with its target, and whether it is reached."""
+"""Define the shares of the exam and their targets."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ from benchmarks.exam.judging import Judged
 from benchmarks.exam.shares import Target
 
 Test = Callable[[Judged], bool | None]
-"""Whether an answer counts; None where it is not asked."""
+"""Whether an answer is a hit; None if it does not count for the share."""
 WORSE = 0.01
-"""How much the error on the sealed days may grow at a horizon."""
+"""Growth of the error on the held-out days, at a horizon, above which a name makes a forecast worse."""
 DOUBT = 0.01
-"""Chance that a share that is on its target is refused by :func:`Asked.refused`."""
+"""Probability that :func:`Asked.refused` refuses a share that is exactly on its target."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A share of the answers.
+    """Share of the answers.
 
     Attributes
     ----------
     group, words : str
     test : callable
     target : Target or None
-        None: for the reader, without a target.
+        None for a share without a target.
     """
 
     group: str
@@ -34,12 +34,12 @@ class Asked:
     target: Target | None = None
 
     def counted(self, judged: Sequence[Judged]) -> tuple[int, int]:
-        """How many answers count, and of how many that is asked."""
+        """Return the number of hits, and the number of answers that count."""
         said = [hit for j in judged if (hit := self.test(j)) is not None]
         return sum(said), len(said)
 
     def refused(self, judged: Sequence[Judged]) -> bool:
-        """Whether so bad a share is as good as impossible where the target is just reached."""
+        """Return whether a share as bad as this is almost impossible if the target is just reached."""
         hits, n = self.counted(judged)
         if self.target is None or n == 0:
             return False
@@ -49,7 +49,7 @@ class Asked:
 
 
 def _of(kinds: str, test: Callable[[Judged], bool], low: float = 0.0, high: float = 1e9) -> Test:
-    """A test of some kinds, and of sizes from `low` to below `high`."""
+    """Restrict a test to some kinds, and to sizes from `low` to below `high`."""
 
     def one(j: Judged) -> bool | None:
         if j.kind not in kinds.split() or not low <= (0.0 if j.times is None else j.times) < high:
@@ -100,9 +100,10 @@ ROWS: tuple[Asked, ...] = (
     Asked("all", "named: a horizon worse by > 1 %, also than with the truth", lambda j: _worse(j, j.beyond)),
     Asked("all", "failed", lambda j: j.verdict == "error"),
 )  # fmt: skip
-"""As in the table of targets, and some shares without one beside them."""
+"""Rows of the table of targets; some shares have no target."""
 COVERED = Target(least=0.92, most=0.97)
 CLOSED = (0.95, 0.80)
-"""Targets of the median and of the tenth percentile of the gap closed, of what the truth would close."""
+"""Targets of the median and the tenth percentile of the closed gap, as a share of what the truth would
+close."""
 RELIABLE = 0.05
-"""By how much the share of right names may differ from their probability, in every tenth."""
+"""Tolerance of the share of right names from their probability, in each tenth."""

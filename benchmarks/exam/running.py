@@ -1,8 +1,8 @@
-"""Seasons one after the other, over processes: plant, diagnose, and only then look at the truth.
+"""Run the exam: hide effects in a season, diagnose it, and store the answer with the truth.
 
-The truth of a season is held by the process that judges, in its memory. The process that diagnoses is another
-one, started without it; it gets logs and a configuration. A result is a line of JSON in a file of the shard,
-the truth beside the answer, appended when the answer is there.
+The judging process holds the truth of a season in its memory. The diagnosis runs in another process, which
+receives only logs and a configuration. A result, with truth and answer, is appended as one line of JSON to
+the file of the shard as soon as the answer is available.
 """
 
 import json
@@ -24,28 +24,28 @@ from rivid.errors import RividError
 ROOT = Path(__file__).parent.parent.parent
 KEPT = ROOT / "build" / "exam"
 MOST_TASKS = 20
-"""Seasons that one process diagnoses before another takes its place."""
+"""Seasons that a process diagnoses before it is replaced."""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 Report = Callable[[str], None]
 Shard = tuple[int, int]
-"""Number of a shard, from 0, and of how many."""
+"""Number of a shard, counted from 0, and number of shards."""
 
 
 def results_of(kept: Path = KEPT) -> list[dict[str, Any]]:
-    """Results that there are, by seed; of a seed answered twice, the last. A line cut short is left out."""
+    """Return the stored results by seed; the last one if a seed has several. Truncated lines are skipped."""
     found = {}
     for place in sorted(kept.glob("*.jsonl")):
         for line in place.read_text(encoding="utf-8").splitlines():
             try:
                 one = json.loads(line)
-            except json.JSONDecodeError:  # the run was ended while it wrote
+            except json.JSONDecodeError:  # the run was stopped while writing
                 continue
             found[one["seed"]] = one
     return [found[seed] for seed in sorted(found)]
 
 
 def outstanding(seeds: Sequence[int], shard: Shard = (0, 1), kept: Path = KEPT) -> list[int]:
-    """Seeds of a shard that have no result yet."""
+    """Return the seeds of a shard that have no result yet."""
     mine, shards = shard
     done = {one["seed"] for one in results_of(kept)}
     return [seed for i, seed in enumerate(seeds) if i % shards == mine and seed not in done]
@@ -53,7 +53,7 @@ def outstanding(seeds: Sequence[int], shard: Shard = (0, 1), kept: Path = KEPT) 
 
 @dataclass(frozen=True)
 class Desks:
-    """The three things that are done to a seed; tests put simple ones in their place."""
+    """The three steps of a season. Tests replace them by simple ones."""
 
     plant: Callable[[int], tuple[answering.Logs, dict[str, Any]]] = hiding.sealed
     answer: Callable[[answering.Logs], dict[str, Any]] = answering.answer
@@ -61,7 +61,7 @@ class Desks:
 
 
 def short(longest: int) -> Desks:
-    """Desks for seasons of so many days at most."""
+    """Return the steps for seasons of at most `longest` days."""
     return Desks(plant=partial(hiding.sealed, longest=longest))
 
 
@@ -75,19 +75,19 @@ def run(
     desks: Desks = Desks(),
     report: Report = print,
 ) -> int:
-    """Ask what is outstanding, until it is done or time is up; results are kept as they come.
+    """Answer the outstanding seasons until all are done or the time is up; store each result at once.
 
     Parameters
     ----------
     seeds : sequence of int
     shard : (int, int)
-        Every n-th of the seeds.
+        Number of the shard and number of shards.
     processes : int
-        Busy at a time.
+        Number of concurrent seasons.
     hours : float, optional
-        No season is begun later than this.
+        No season is started after this time.
     kept : Path
-        Where results go.
+        Folder of the results.
     desks : Desks
     report : callable
         Called with a line for each result.
@@ -95,13 +95,13 @@ def run(
     Returns
     -------
     int
-        How many were done.
+        Number of answered seasons.
     """
     for name in THREADS:
-        os.environ.setdefault(name, "1")  # for the processes to come: side by side, one thread each
+        os.environ.setdefault(name, "1")  # one thread for each of the concurrent processes
     todo = outstanding(seeds, shard, kept)
     deadline = None if hours is None else time.monotonic() + 3600.0 * hours
-    context = get_context("spawn")  # nothing of this process is inherited
+    context = get_context("spawn")  # the processes inherit nothing from this one
     done, lock, revision = [0], threading.Lock(), revision_of()
     kept.mkdir(parents=True, exist_ok=True)
     place = kept / f"shard-{shard[0]}-of-{shard[1]}.jsonl"
@@ -122,7 +122,7 @@ def run(
             told = truth.pop("told")
             said = candidates.submit(desks.answer, logs).result()
             floor = None
-            if told and said.get("effects"):  # a gap was closed, or not
+            if told and said.get("effects"):  # otherwise there is no closed gap to evaluate
                 floor = candidates.submit(desks.floor, logs, told).result()
             result = {"seed": seed, "revision": revision, "truth": truth, "answer": said, "floor": floor}
             with lock:
@@ -137,7 +137,7 @@ def run(
 
 
 def append(result: dict[str, Any], place: Path) -> None:
-    """Append a result as a line; a line that was cut short before it is ended first."""
+    """Append a result as a line. A truncated last line is terminated first."""
     line = json.dumps(result) + "\n"
     with place.open("ab+") as out:
         if out.tell():
@@ -148,7 +148,7 @@ def append(result: dict[str, Any], place: Path) -> None:
 
 
 def said_of(answer: dict[str, Any]) -> str:
-    """An answer in one line."""
+    """Format an answer as one line."""
     if "error" in answer:
         return str(answer["error"])[:200]
     names = ", ".join(
@@ -159,7 +159,7 @@ def said_of(answer: dict[str, Any]) -> str:
 
 
 def revision_of() -> str:
-    """The commit that answers, with a mark where files differ from it; empty where there is none."""
+    """Return the commit of the working tree, marked if files differ from it; empty without a repository."""
     try:
         told = subprocess.run(
             ["git", "describe", "--always", "--dirty", "--abbrev=8"], cwd=ROOT, capture_output=True,

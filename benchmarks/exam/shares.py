@@ -1,4 +1,4 @@
-"""Shares with their intervals, and whether they reach a target."""
+"""Compute shares with their intervals, and compare them with targets."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ Z = 1.959964
 
 
 def wilson(hits: int, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share.
+    """Return Wilson's 95 % interval of a share.
 
     Source: Wilson (1927), JASA 22, 209-212.
 
@@ -26,20 +26,20 @@ def wilson(hits: int, n: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Target:
-    """What a share must be: within [least, most]."""
+    """Target of a share: within [least, most]."""
 
     least: float = 0.0
     most: float = 1.0
 
     @property
     def words(self) -> str:
-        """In a word or two."""
+        """Target as text."""
         if self.least > 0.0 and self.most < 1.0:
             return f"{self.least:.2f} to {self.most:.2f}"
         return f"<= {self.most:.2f}" if self.most < 1.0 else f">= {self.least:.2f}"
 
     def verdict(self, hits: int, n: int) -> str:
-        """Whether the interval lies within the target, beyond it, or on both sides of its edge.
+        """Return whether the interval lies within the target, outside it, or on both sides of a limit.
 
         Examples
         --------
@@ -61,7 +61,7 @@ class Target:
 
 
 def written(hits: int, n: int) -> str:
-    """A share as text: hits, number, interval."""
+    """Format a share: hits, number, interval."""
     if n == 0:
         return "-"
     low, high = wilson(hits, n)

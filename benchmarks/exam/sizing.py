@@ -1,15 +1,16 @@
-"""How large an effect must be to be missing at all: 1x of the exam.
+"""Compute 1x of the exam: the smallest size of an effect that a diagnosis is expected to find.
 
-A reference follows the season's logs: Saint-Venant in a smooth channel of the world's mean geometry, kept
-near the true level; of a linear store and of a river, their own equations. It knows the noise, which is the weather, the gauge, and a misfit: no response to be
-calibrated has the unevenness of the water, and what it lacks comes with changes of flow. So the level error
-walks by :data:`MISFIT` of the level's second difference, see :func:`misfit`.
+A reference follows the season's logs. It solves Saint-Venant in a smooth channel of the world's mean geometry
+and keeps the level near the true one; a linear store and a river have their own equations. The reference
+knows the noise: the weather, the gauge, and a misfit. No calibrated response has the unevenness of the true
+reach, and its error comes with changes of flow. The level error therefore walks by :data:`MISFIT` of the
+level's second difference, see :func:`misfit`.
 
-1x is the larger of two sizes. At the one the effect is as many standard errors away from nothing as 80 %
-power needs, without what the calibration does as well: geometry, the gauge's lag, and what gates and fronts
-make of the first samples of a change. At the other, what is left of it makes :data:`SHARE` of the squared
-error of a forecast, at one horizon of :data:`HOURS`, over the days on which it acts: a smaller one is nothing
-that a simulation lacks.
+1x is the larger of two sizes. At the first, the effect is as many standard errors from zero as 80 % power
+requires, without the part that the calibration explains: geometry, the gauge's lag, and the response of gates
+and fronts in the first samples after a change. At the second, the remaining part makes :data:`SHARE` of the
+squared error of a forecast, at one horizon of :data:`HOURS`, over the days on which it acts. A smaller effect
+is immaterial for a simulation.
 """
 
 import datetime as dt
@@ -37,41 +38,40 @@ from rivid.simulation.season import Season
 from rivid.types import Floats
 
 NEEDED = 4.3
-"""Standard errors: 3.5 for one name in 21 at 1 %, both signs, and 0.84 for 80 % power."""
+"""Standard errors: 3.5 for one name in 21 at 1 %, two-sided, and 0.84 for 80 % power."""
 EVENT = 12.0
-"""What each event must gain for itself, as its place is searched for among 1e5 samples [nats]."""
+"""Log-likelihood that each event must gain, since its place is searched for among 1e5 samples [nats]."""
 DATE = 5.0
-"""The same for each end of dates: one in 120 days."""
+"""Log-likelihood that each end of dates must gain: one in 120 days [nats]."""
 SHARE = 0.1
-"""Of the squared error of a forecast, from which an effect is material."""
+"""Share of the squared error of a forecast from which an effect is material."""
 HOURS = (0.25, 1.0, 4.0, 24.0)
 """Horizons of the forecasts [h]."""
 MISFIT = 0.15
-"""Step of the level error over the level's second difference. Of twelve worlds without weather and gauge
-noise, to which the diagnosis's own response was calibrated, it was 0.03 to 0.34, the median 0.09; noise makes
+"""Step of the level error over the level's second difference. In twelve worlds without weather and gauge
+noise, with the diagnosis's own response calibrated to each, it was 0.03 to 0.34, the median 0.09. Noise makes
 a calibration worse."""
 CELLS = 24
-"""Of the reference."""
+"""Cells of the reference channel."""
 KNOWN = {"length": 0.03, "width": 0.05, "depth": 0.15, "manning": 0.25}
-"""Relative standard deviations with which a calibration knows the geometry; the fall of the bed to 0.2
+"""Relative standard deviations of the geometry known to a calibration. The fall of the bed is known to 0.2
 depths."""
 NUDGED = 1e-2
-"""Of these, for slopes by differences."""
+"""Step of the finite differences, in standard deviations of :data:`KNOWN`."""
 GAUGE_LAG = 60.0
-"""Standard deviation of a stilling well's lag that is not known [s]."""
+"""Standard deviation of the unknown lag of a stilling well [s]."""
 LAGS, FRONTS = (1, 2, 3), (-1, 0, 1, 2)
-"""Lags of the outflow, and of the inflow about its arrival, that a response may correct [samples]."""
+"""Lags that a response may correct [samples]: of the outflow, and of the inflow relative to its arrival."""
 CORRECTED = 0.75
-"""Prior standard deviation of a correction, in T_s over the surface, as of the diagnosis's response."""
+"""Prior standard deviation of a correction, in T_s over the surface area, as in the diagnosis's response."""
 UNEVEN = 0.03
-"""How far waves may be flatter, and faster at a flow twice as large, than a smooth channel has them, as a
-share of the travel time (standard deviation); 0.13 of it is then 1x at least, as was measured on uneven
-channels."""
+"""Attenuation of waves, and their advance at twice the flow, compared with a smooth channel, in travel times
+(standard deviation). 1x is then 0.13 travel times or more, as was measured on uneven channels."""
 BANKS = 0.05
-"""Standard deviation of the growth of the surface with the level by banks that a configuration does not name
-[1/m]: those of one metre of run on either side of 40 m."""
+"""Standard deviation of the relative growth of the surface with the level, by banks that the configuration
+does not describe [1/m]: banks with a run of 1 m per metre on both sides of 40 m."""
 ACTS = 0.1
-"""Stretches of two days count where the effect's whitened square is this share of that of the largest."""
+"""A stretch of two days counts if the effect's whitened square is at least this share of the largest one."""
 
 SIZE_OF: dict[str, tuple[str, ...]] = {
     "lateral_inflow": ("inflow",), "diurnal_inflow": ("amplitude",), "rain_inflow": ("peak",),
@@ -85,15 +85,15 @@ SIZE_OF: dict[str, tuple[str, ...]] = {
     "siphon": ("size",), "ice_cover": ("late",),
     "silting_well": ("lag",),
 }  # fmt: skip
-"""The parameters that make each effect larger, all by the same factor; the first one is its size."""
+"""Parameters that scale each effect, all by the same factor. The first one is its size."""
 INVERSE = frozenset({"gate_rate_limit"})
-"""Effects that are the larger, the smaller their parameter."""
+"""Effects that grow as their parameter decreases."""
 NOISES = ("wind_setup", "seiche")
-"""Effects that are drawn at every sample: known by their spectrum, not by their course."""
+"""Effects drawn at every sample. Their spectrum is known, their course is not."""
 
 
 def resized(table: Table, factor: float) -> Table:
-    """An effect's table, its effect `factor` times as large.
+    """Return the table of an effect scaled by `factor`.
 
     Examples
     --------
@@ -112,7 +112,7 @@ def resized(table: Table, factor: float) -> Table:
 
 
 def size_of(table: Table) -> float:
-    """The size of an effect in the unit of its first parameter; of several, the largest."""
+    """Return the size of an effect in the unit of its first parameter; the largest if there are several."""
     return float(max(np.ravel(table[SIZE_OF[table["name"]][0]]), key=abs))
 
 
@@ -120,12 +120,12 @@ def size_of(table: Table) -> float:
 def filtered(
     columns: Floats, walk: Floats, c: float, phi: float, inflow: float, gauge: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Innovations over their standard deviations, and the filtered level error and inflow, (p, rows, n) each.
+    """Return the standardised innovations and the filtered level error and inflow, shape (p, rows, n) each.
 
-    x_{k+1} = x_k + c w_k + v_k with the variance walk[row, k] of v, w_{k+1} = phi w_k + ..., z_k = x_k + e_k;
-    `inflow` and `gauge` are the variances of w and e. x is unknown at a row's start.
+    The model is x_{k+1} = x_k + c w_k + v_k, w_{k+1} = phi w_k + ..., z_k = x_k + e_k. The variance of v is
+    walk[row, k]; `inflow` and `gauge` are the variances of w and e. x is unknown at the start of a row.
 
-    Of a river c is 0, and z_k = w_k + v_k + e_k: what enters arrives, and nothing is stored.
+    c is 0 for a river, with z_k = w_k + v_k + e_k: nothing is stored.
     """
     river = c == 0.0
     p, rows, n = columns.shape
@@ -163,11 +163,10 @@ def filtered(
 
 
 def misfit(level: Floats) -> Floats:
-    """Variance of the level error's step at each sample, (rows, n), from a level (rows, n) [m].
+    """Return the variance of the step of the level error at each sample from a level [m], shapes (rows, n).
 
-    A front that comes a little early here and late there, or steeper, is wrong by a share of its own height:
-    the level's rate is off where that rate changes, by :data:`MISFIT` of the change, spread over the samples
-    beside it.
+    A front that comes slightly early, late or steep causes an error that is a share of its height. The rate
+    of the level is wrong where it changes, by :data:`MISFIT` of the change, spread over the adjacent samples.
     """
     bend = np.pad(np.diff(level, n=2, axis=1) ** 2, ((0, 0), (3, 3)))
     n = level.shape[1]
@@ -177,7 +176,7 @@ def misfit(level: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The reference of a season with nothing hidden, on stretches of two days.
+    """Reference of a season without hidden effects, on stretches of two days.
 
     Attributes
     ----------
@@ -185,16 +184,19 @@ class Reference:
     season : Season
         Without effects.
     at : ndarray of int, shape (rows, n)
-        The samples of each stretch on the season's grid, lead time included.
-    time, inflow, outflow, level : ndarray, shape (rows, n)
+        Samples of each stretch on the season's grid, lead time included.
+    level : ndarray, shape (rows, n)
+        True level [m].
+    base : ndarray, shape (rows, n)
+        Level of the reference without changes [m].
     walk : ndarray, shape (rows, n)
-        Variance of the misfit's steps [m2].
+        Variance of the steps of the misfit [m2].
     columns : ndarray, shape (p, rows, n)
-        What one prior standard deviation of each number that a calibration moves does to the level [m].
+        Change of the level by one prior standard deviation of each parameter of a calibration [m].
     unknown : ndarray, shape (q, rows, n)
-        The same of what no calibration has: how waves and banks of the true reach differ.
+        The same for what no calibration has: the true reach differs in its waves and banks.
     run : callable
-        Level of the water with changes on the season's grid [m], shape (rows, n).
+        Simulate the level with changes on the season's grid [m], shape (rows, n).
     """
 
     world: World
@@ -209,17 +211,17 @@ class Reference:
 
     @property
     def rise(self) -> float:
-        """Of the output in a sample by an inflow [m per m3/s]; 0 of a river, which stores nothing."""
+        """Rise of the output in a sample per inflow [m per m3/s]; 0 in a river, which stores nothing."""
         reach = self.world.scenario.reach
         return 0.0 if self.world.kind == "river" else reach.sample_time / reach.surface_area
 
     @property
     def days_each(self) -> float:
-        """Days of the season for each stretch."""
+        """Days of the season per stretch."""
         return len(self.season.dates) / len(self.at)
 
     def filter(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of :func:`filtered`, with the world's noise."""
+        """Apply :func:`filtered` with the world's noise."""
         s = self.world.scenario
         T = s.reach.sample_time
         gauge = s.level.noise**2 + s.level.quantum**2 / 12.0
@@ -229,13 +231,13 @@ class Reference:
         )  # fmt: skip
 
     def change(self, changes: Changes) -> Floats:
-        """What changes on the season's grid do to the level as read [m], shape (rows, n)."""
+        """Return the change of the reading by changes on the season's grid [m], shape (rows, n)."""
         part = cut(changes, self.season.world.time.shape, self.at)
         return np.asarray(self.run(changes) - self.base + part.gauge)
 
 
 def cut(changes: Changes, shape: tuple[int, ...], at: np.ndarray) -> Changes:
-    """Changes of a grid on some of its samples."""
+    """Return changes on a selection of the samples of their grid."""
 
     def of(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -251,7 +253,10 @@ def cut(changes: Changes, shape: tuple[int, ...], at: np.ndarray) -> Changes:
 
 
 def channel_of(world: World, **more: float) -> tuple[Channel, float]:
-    """The smooth channel of a world, each dimension `more` times as large, and its gates' time [s]."""
+    """Return the smooth channel of a world, with dimensions multiplied by `more`, and its gate time [s].
+
+    `fall` is added to the fall of the bed [m].
+    """
     s = world.scenario
     reach, c, level = s.reach, s.channel, s.level.set_point
     fall, manning, side, gate_time = 0.15 * reach.depth, 0.03, 0.0, 30.0
@@ -269,7 +274,7 @@ def channel_of(world: World, **more: float) -> tuple[Channel, float]:
 
 
 def follow(grid: "Stretches", channel: Channel, gate_time: float, changes: Changes) -> Floats:
-    """Level of a channel kept near the true one, less the volume that keeps it there [m], (rows, n)."""
+    """Return the level of a channel kept near the true one, less the volume added for it [m], (rows, n)."""
     time, at = grid.season.world.time[grid.at], grid.at
     flow = simulate(
         channel.with_area_slope(changes.area_slope, changes.area_reference), time,
@@ -282,14 +287,14 @@ def follow(grid: "Stretches", channel: Channel, gate_time: float, changes: Chang
 
 
 def routed(world: World, season: Season, changes: Changes) -> Floats:
-    """Discharge of a river with changes and without weather [m3/s], shape of the season's grid."""
+    """Return the discharge of a river with changes and without weather [m3/s], on the season's grid."""
     water, grid = RiverWater(world.scenario), season.world
     return water.run(grid.time, grid.inflow, season.all_outflow, grid.inflow, changes, 0.0)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Pairs of days that follow each other, and the true level there."""
+    """Pairs of consecutive days, and the true level on them."""
 
     season: Season
     at: np.ndarray
@@ -297,7 +302,7 @@ class Stretches:
 
 
 def stretches(season: Season) -> Stretches:
-    """All pairs of days with logs, none in two pairs."""
+    """Return disjoint pairs of consecutive days with logs."""
     N = len(season.seconds)
     number = np.array([(date - season.scenario.first_day).days for date in season.dates])
     first: list[int] = []
@@ -305,19 +310,19 @@ def stretches(season: Season) -> Stretches:
         if number[i + 1] == number[i] + 1 and (not first or i > first[-1] + 1):
             first.append(i)
     rows = np.array(first)
-    at = (number[rows][:, None] + 1) * N + np.arange(2 * N)  # a day of lead time is before them
+    at = (number[rows][:, None] + 1) * N + np.arange(2 * N)  # one day of lead time precedes them
     return Stretches(
         season, at, np.concatenate([season.true_level[rows], season.true_level[rows + 1]], axis=1)
     )
 
 
 def reference(world: World, season: Season) -> Reference:
-    """The reference of a world's season without effects.
+    """Build the reference of a world's season without effects.
 
     Raises
     ------
     RividError
-        Where the smooth channel cannot carry the flows.
+        If the smooth channel cannot carry the flows.
     """
     grid = stretches(season)
     if world.kind == "river":
@@ -365,7 +370,7 @@ def reference(world: World, season: Season) -> Reference:
 def _of_store(
     world: World, season: Season, grid: Stretches
 ) -> tuple[Callable[[Changes], Floats], list[Floats]]:
-    """Level of a linear store with changes, and what one prior sd of each number of its calibration does."""
+    """Return the simulation of a linear store, and its level change by one prior sd of each parameter."""
     time, at = season.world.time[grid.at], grid.at
     record = Record(
         season.dates[: len(at)], time, season.world.inflow[at], season.all_outflow[at], grid.level,
@@ -388,13 +393,13 @@ def _of_store(
 
 
 RIVER = {"delay": 0.3, "spread": 0.25, "held": 1.0, "exponent": 0.2, "gain": 0.03}
-"""What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held,
-the exponent of the delay, and the gain and the constant of two ratings; standard deviations as of the
-diagnosis's response."""
+"""Prior of the calibration of a river: delay, spread and hold-back of waves in travel times, the exponent of
+the delay, and the gain and the constant of two ratings. Standard deviations are those of the diagnosis's
+response."""
 
 
 def _of_river(world: World, season: Season, grid: Stretches) -> Reference:
-    """The same of a river: the reference is the river itself, without weather."""
+    """Build the reference of a river: the river itself, without weather."""
 
     def run(changes: Changes) -> Floats:
         return routed(world, season, changes)[grid.at]
@@ -424,7 +429,7 @@ class Unit:
     table : dict
         The effect at 1x.
     by : str
-        What asks for this size: `power`, or the horizon of the forecast in which it is material.
+        Criterion that sets this size: `power`, or the horizon at which the effect is material.
     """
 
     table: Table
@@ -432,22 +437,22 @@ class Unit:
 
 
 def beyond(ref: Reference, z: Floats, *others: Floats) -> tuple[Floats, float]:
-    """What is left of a change of the level without the calibration and other columns.
+    """Return the part of a level change that the calibration and other columns do not explain.
 
     Parameters
     ----------
     ref : Reference
     z : ndarray, shape (rows, n)
-        [m].
+        Change of the level [m].
     *others : ndarray, shape (rows, n)
-        Columns whose sizes are free.
+        Columns with free coefficients.
 
     Returns
     -------
     ndarray, shape (rows, n)
-        z without what the calibration makes of it [m].
+        z without the part explained by the calibration [m].
     float
-        Its whitened square over the whole season, without all columns.
+        Whitened square of the part explained by no column, over the whole season.
     """
     C = np.concatenate([ref.columns, ref.unknown, *(o[None] for o in others)])
     white = ref.filter(np.concatenate([z[None], C]))[0].reshape(1 + len(C), -1)
@@ -458,21 +463,22 @@ def beyond(ref: Reference, z: Floats, *others: Floats) -> tuple[Floats, float]:
     prior[p + len(ref.unknown) :] = 1e-9 * np.diag(G).max()
     b = np.linalg.solve(G + np.diag(prior), g)
     calibrated = np.linalg.solve(G[:p, :p] + np.diag(prior[:p]), g[:p])
-    square = w @ w - b @ g  # with what the priors hold back of it
+    square = w @ w - b @ g  # includes the penalty of the priors
     return z - np.tensordot(calibrated, ref.columns, 1), float(more * max(square, 0.0))
 
 
 def factor_of(ref: Reference, z: Floats, *, noise: bool, price: float) -> tuple[float, str]:
-    """By what factor a change of the level `z` (rows, n) [m] must grow to be 1x, and what asks for it.
+    """Return the factor by which a level change must be scaled to be 1x, and the criterion that sets it.
 
     Parameters
     ----------
     ref : Reference
     z : ndarray, shape (rows, n)
+        Change of the level [m].
     noise : bool
         Whether only its spectrum is known.
     price : float
-        What its events and dates must gain for themselves [nats].
+        Log-likelihood that its events and dates must gain [nats].
     """
     s, drawn = ref.world.scenario, _drawn(ref)
     left = z
@@ -492,7 +498,7 @@ def factor_of(ref: Reference, z: Floats, *, noise: bool, price: float) -> tuple[
     for hours in HOURS:
         h = max(round(3600.0 * hours / T), 1)
         grows = phi**h if ref.rise == 0.0 else ref.rise * (1.0 - phi**h) / (1.0 - phi)
-        k = np.arange(round(3600.0 / T) + 2, z.shape[1] - h)  # an hour for the filter to settle
+        k = np.arange(round(3600.0 / T) + 2, z.shape[1] - h)  # the filter settles within an hour
         error = both[:, :, k + h] - level[:, :, k] - grows * flow[:, :, k]
         mine, other = (error[:, acts] ** 2).sum(axis=(1, 2))
         size = float(np.sqrt(SHARE / (1.0 - SHARE) * other / max(mine, 1e-300)))
@@ -502,7 +508,7 @@ def factor_of(ref: Reference, z: Floats, *, noise: bool, price: float) -> tuple[
 
 
 def _drawn(ref: Reference) -> Floats:
-    """A residual with nothing missing, drawn from the world's noise and the misfit [m], (rows, n)."""
+    """Draw a residual without effects from the world's noise and the misfit [m], shape (rows, n)."""
     s = ref.world.scenario
     rng = np.random.default_rng([ref.world.seed, 43])
     T, (rows, n) = s.reach.sample_time, ref.walk.shape
@@ -522,7 +528,7 @@ def _drawn(ref: Reference) -> Floats:
 
 
 def _spectral(white: Floats, more: float) -> float:
-    """Factor at which the expected log-likelihood ratio of a known spectrum is NEEDED^2 / 2 (Whittle's)."""
+    """Return the factor for which Whittle's log-likelihood ratio of a known spectrum is NEEDED^2 / 2."""
     n = white.shape[1]
     ratio = (np.abs(np.fft.rfft(white, axis=1)) ** 2).mean(axis=0)[1:] / n
     rows = len(white) * more
@@ -535,7 +541,7 @@ def _spectral(white: Floats, more: float) -> float:
 
 
 def crossing(enough: Callable[[float], bool]) -> float:
-    """The factor from which on something is enough, by halving its logarithm."""
+    """Return the smallest factor that is enough, by bisection of its logarithm."""
     low, high = 1e-4, 1e4
     for _ in range(30):
         middle = float(np.sqrt(low * high))
@@ -544,26 +550,26 @@ def crossing(enough: Callable[[float], bool]) -> float:
 
 
 TURNS = 5
-"""Turns in which a size is scaled until it is 1x: the level's change is not quite proportional to it."""
+"""Largest number of iterations to scale a size to 1x. The level change is not quite proportional to it."""
 
 
 def unit(ref: Reference, table: Table, classes: dict[str, type[Effect]], ends: int) -> Unit:
-    """1x of an effect in a world.
+    """Compute 1x of an effect in a world.
 
     Parameters
     ----------
     ref : Reference
     table : dict
-        The effect, its size a first guess.
+        The effect with a first guess of its size.
     classes : dict
         Effects by name.
     ends : int
-        Of its dates within the season.
+        Number of ends of its dates within the season.
 
     Raises
     ------
     RividError
-        Where the effect does nothing at any size that the reach bears.
+        If the effect changes nothing at any size that the reach permits.
     """
     by, start = "", table
     for _ in range(TURNS):
@@ -587,7 +593,7 @@ def unit(ref: Reference, table: Table, classes: dict[str, type[Effect]], ends: i
 
 
 def well_unit(ref: Reference, table: Table, shown: Callable[[Table], Floats]) -> Unit:
-    """1x of what is wrong with the reading; `shown` gives that from the table [m], shape (days, n)."""
+    """Compute 1x of an error of the gauge. `shown` returns it for a table [m], shape (days, n)."""
     by = ""
     N = len(ref.season.seconds)
     row = {date: i for i, date in enumerate(ref.season.dates)}

@@ -1,8 +1,8 @@
-"""Worlds of the exam: each seed draws a reach, its water, its operators, its gauge and its weather.
+"""Draw the worlds of the exam: reach, hydraulics, operators, gauge and weather of each seed.
 
-Proof seeds begin at :data:`FIRST_PROOF`; those below are for development. Once its season
-has been looked at, a proof seed is one of development. The ranges are those of run-of-river and peaking reaches;
-nothing in them was chosen by looking at answers.
+Proof seeds begin at :data:`FIRST_PROOF`; the seeds below are for development. A proof seed becomes a
+development seed once its season has been inspected. The ranges are those of run-of-river and peaking reaches;
+none of them was chosen from the answers.
 """
 
 import datetime as dt
@@ -27,24 +27,24 @@ from rivid.types import Floats
 Table = dict[str, Any]
 FIRST_PROOF = 11_920
 KINDS = ("linear", "saint_venant", "box")
-"""A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other
-sections."""
+"""A linear store with a delay; the Saint-Venant equations (1) as solved by rivid; the same equations by
+another scheme, in other sections."""
 RIVERS = 0.08
-"""Share of the worlds that are no pool but a free river."""
+"""Share of the worlds that are a free river instead of a pool."""
 BOXES = 64
-"""Of the box scheme. Levels change from sample to sample as with 256 of them to 0.6 to 1.5 mm (rms, four worlds),
-and those with 256 as by rivid's explicit scheme with 96 cells to 0.1 to 0.5 mm."""
+"""Number of boxes. Level changes between samples agree with those of 256 boxes to 0.6 to 1.5 mm (rms, four
+worlds); those of 256 boxes agree with rivid's explicit scheme in 96 cells to 0.1 to 0.5 mm."""
 WIDEST = 0.35
-"""Of the levels' range over the depth: a reach that is let go further is no pool with a set-point."""
+"""Largest range of the level over the depth. A reach with a larger range is no pool with a set point."""
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number between two, uniform in its logarithm."""
+    """Draw a number between two limits, uniform in its logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def wave_travel(scenario: Scenario, kinematic: bool = False) -> float:
-    """Travel time of a gravity wave, or of the kinematic one, at the mean flow [s]."""
+    """Return the travel time of a gravity wave, or of the kinematic wave, at the mean flow [s]."""
     reach = scenario.reach
     velocity = scenario.flow.mean * reach.length / (reach.surface_area * reach.depth)
     if kinematic:
@@ -54,7 +54,7 @@ def wave_travel(scenario: Scenario, kinematic: bool = False) -> float:
 
 @dataclass(frozen=True)
 class World:
-    """A reach before anything is hidden in it.
+    """A reach without hidden effects.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class World:
     scenario : Scenario
         Without effects.
     off : dict
-        Relative errors of the geometry that a user would write: length, width, depth.
+        Relative errors of the geometry in the user's configuration: length, width, depth.
     """
 
     seed: int
@@ -78,11 +78,11 @@ class World:
 
     @cached_property
     def travel(self) -> float:
-        """Travel time of a wave at the mean flow [s]."""
+        """Travel time of a wave at the mean flow [s]: kinematic in a river, else a gravity wave."""
         return wave_travel(self.scenario, kinematic=self.kind == "river")
 
     def factors(self) -> Table:
-        """Factors by which the results are split, as plain values."""
+        """Return the factors by which the results are split, as plain values."""
         s = self.scenario
         mean = s.flow.mean
         return {
@@ -96,13 +96,13 @@ class World:
 
 
 def draw(seed: int, attempt: int = 0) -> World:
-    """The world of a seed.
+    """Draw the world of a seed.
 
     Parameters
     ----------
     seed : int
     attempt : int
-        Another draw, for where the water of the first cannot be held by its operators.
+        Number of the draw. The next draw is used if the operators cannot hold the level of this one.
     """
     if np.random.default_rng([seed, 45]).random() < RIVERS:
         return _river(seed, attempt)
@@ -110,7 +110,7 @@ def draw(seed: int, attempt: int = 0) -> World:
     kind = str(rng.choice(KINDS))
     operators = str(rng.choice(["crew", "crew", "automatic", "schedule"]))
     programme = str(rng.choice(["peaking", "run_of_river", "flood"]))
-    while True:  # a wave that takes between 1.2 and 30 samples
+    while True:  # until a wave takes between 1.2 and 30 samples
         length, width = log_uniform(rng, 2e3, 2e4), log_uniform(rng, 40.0, 200.0)
         depth, step = rng.uniform(3.0, 12.0), float(round(log_uniform(rng, 60.0, 600.0)))
         velocity = rng.uniform(0.3, 1.2)
@@ -119,10 +119,10 @@ def draw(seed: int, attempt: int = 0) -> World:
             break
     mean = velocity * width * depth
     area = length * width
-    # banks take no more than half of the surface's width
+    # the banks take at most half of the surface width
     side = 0.0 if kind == "linear" else rng.uniform(0.0, min(2.5, 0.25 * width / depth))
     hold = {"crew": (600.0, 1800.0), "automatic": (step, step), "schedule": (3600.0, 7200.0)}[operators]
-    # an error is brought back by no more than a third from look to look
+    # a level error is reduced by at most a third between two looks
     gain = -min(rng.uniform(0.1, 0.35) * area / max(hold[1], 2.0 * travel), 2.0 * mean)
     days = int(rng.integers(30, 121))
     level, fall = round(rng.uniform(20.0, 400.0), 1), rng.uniform(0.05, 0.5) * depth
@@ -164,10 +164,10 @@ def draw(seed: int, attempt: int = 0) -> World:
 
 
 def _river(seed: int, attempt: int) -> World:
-    """A free river below a dam; its gauge has a discharge, to some thousandths of the mean flow."""
+    """Draw a free river below a dam. Its gauge reads discharge, to some thousandths of the mean flow."""
     rng = np.random.default_rng([seed, 46, attempt])
     programme = str(rng.choice(["peaking", "run_of_river", "flood"]))
-    while True:  # a wave that takes between 4 and 40 samples
+    while True:  # until a wave takes between 4 and 40 samples
         length, width = log_uniform(rng, 1e4, 6e4), log_uniform(rng, 30.0, 150.0)
         depth, step = rng.uniform(1.5, 5.0), float(rng.choice([300.0, 600.0, 900.0]))
         velocity = rng.uniform(0.6, 1.6)
@@ -192,7 +192,7 @@ def _river(seed: int, attempt: int) -> World:
             "place": rng.uniform(),
         },
     }  # fmt: skip
-    table["operators"] |= {"level_gain": -1e-3, "look": (step, step)}  # they hold nothing
+    table["operators"] |= {"level_gain": -1e-3, "look": (step, step)}  # a river is not controlled
     off = {
         name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.06), ("depth", 0.1))
     }
@@ -202,7 +202,7 @@ def _river(seed: int, attempt: int) -> World:
 def _flows(
     rng: np.random.Generator, programme: str, operators: str, mean: float, step: float
 ) -> dict[str, Table]:
-    """The tables of the river, the dispatcher and the operators."""
+    """Draw the tables of the river flow, the dispatch programme and the operators."""
     quantum = max(round(mean / 300.0), 0.5)
     swing = {"peaking": rng.uniform(0.3, 0.8), "run_of_river": rng.uniform(0.02, 0.15), "flood": 0.2}
     spell = {"peaking": 0.25, "run_of_river": 0.2, "flood": rng.uniform(0.4, 0.7)}
@@ -229,20 +229,20 @@ def _flows(
 
 
 class BoxWater(Water):
-    """The reach as boxes in compound sections; unevenness of its own from the scenario's seed."""
+    """Pool simulated by the box scheme in compound sections, uneven according to the scenario's seed."""
 
     boxes, theta = BOXES, THETA
 
     @cached_property
     def box(self) -> Box:
-        """The boxes."""
+        """Model of the reach."""
         c, reach = self.scenario.channel, self.scenario.reach
         assert c is not None
         rng = np.random.default_rng([self.scenario.seed, 41])
         x = np.linspace(0.0, reach.length, self.boxes + 1)
 
         def uneven(size: float) -> Floats:
-            """Random bends along the reach."""
+            """Draw a random piecewise linear profile along the reach, with mean 0."""
             rough = np.interp(x, np.linspace(0.0, reach.length, 7), rng.normal(0.0, size, 7))
             return np.asarray(rough - rough.mean())
 
@@ -257,24 +257,24 @@ class BoxWater(Water):
         return Box(reach.length, nodes, c.gate_time, wave_travel(self.scenario) / self.boxes, self.theta)
 
     def arrival(self, flow: Floats, level: Floats) -> Floats:
-        """As of the base class, in the sections of the boxes."""
+        """Return the travel time of a small wave for each flow and level [s], see the base class."""
         return np.array([self.box.arrival(q, h) for q, h in zip(flow, level, strict=True)])
 
     def run(
         self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
         changes: Changes, start: float,
     ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
-        """As of the base class."""
+        """Simulate the reach, see the base class."""
         return self.box.simulate(time, inflow, outflow, start, changes)
 
 
 def season_of(world: World, effects: tuple[Effect, ...] = ()) -> Season:
-    """The season of a world with effects.
+    """Simulate the season of a world with effects.
 
     Raises
     ------
     RividError
-        Where no operators can hold the level, or the water cannot follow them.
+        If the operators cannot hold the level, or the hydraulics cannot follow them.
     """
     water = {"box": BoxWater, "river": RiverWater}.get(world.kind, Water)
     season = simulate(world.scenario, world.seed, effects=effects, water=water)
@@ -286,16 +286,16 @@ def season_of(world: World, effects: tuple[Effect, ...] = ()) -> Season:
 
 
 def logs_of(world: World, season: Season, late: Floats | None = None, without: tuple[str, ...] = ()) -> Logs:
-    """What a user has: the logs, and a configuration with the geometry known to a few percent.
+    """Return the data of a user: the logs, and a configuration with the geometry to a few percent.
 
     Parameters
     ----------
     world : World
     season : Season
     late : ndarray, shape (days, n), optional
-        What the gauge shows more than it did in the season [m].
+        Level added to the readings of the gauge [m]. It is rounded to the gauge's step.
     without : tuple of str
-        Effects that the diagnosis does not know.
+        Effects that are excluded from the diagnosis.
     """
     level, quantum = season.level, world.scenario.level.quantum
     if late is not None:

@@ -1,1 +1,1 @@
-"""What a user would take instead of `posterior`, side by side with it in one run."""
+"""Benchmark of common alternatives to `posterior`, run side by side with it."""

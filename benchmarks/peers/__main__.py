@@ -1,4 +1,4 @@
-"""What a user would take instead of `posterior`, and what joining days gives; writes docs/peers.md.
+"""Compare `posterior` with common alternatives, and with days joined over a season; write docs/peers.md.
 
 Usage: python -m benchmarks.peers [--days N --seeds N --first-seed N --season-days N --quick]
 """
@@ -21,14 +21,14 @@ SEASONS = Path(__file__).parent / "seasons_head.md"
 
 
 def share(hits: np.ndarray) -> str:
-    """A share with its 95 % interval."""
+    """Format a share with its 95 % interval."""
     k, n = int(np.sum(hits)), len(hits)
     low, high = wilson(k, n)
     return f"{k / max(n, 1):.3f} ({low:.3f}-{high:.3f})"
 
 
 def page(found: Run, easy: dict[str, float], words: str, said: str) -> str:
-    """The page in Markdown."""
+    """Return the page in Markdown."""
     parts = [HEAD.read_text(encoding="utf-8").format(words=words, d_max=CANDIDATES[-1])]
     for linear, title in ((True, "Linear worlds"), (False, "Hydraulic worlds")):
         rows = []
@@ -56,7 +56,7 @@ def page(found: Run, easy: dict[str, float], words: str, said: str) -> str:
         )
     rows = [[name, f"{value:.3f}"] for name, value in easy.items()]
     parts.append(
-        "## Easy days\n\nShare exact in open loop, where any method should be right.\n\n"
+        "## Easy days\n\nShare of exact delays in open loop, where any method should be right.\n\n"
         + table(["method", "exact"], rows)
     )
     parts.append(SEASONS.read_text(encoding="utf-8") + "\n" + said)
@@ -64,13 +64,13 @@ def page(found: Run, easy: dict[str, float], words: str, said: str) -> str:
 
 
 def main() -> None:
-    """Check the peers on easy days, run all, print, and write the page."""
+    """Check the peers on easy days, run all methods, and print and write the page."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--days", type=int, default=60, help="of each world and seed")
+    parser.add_argument("--days", type=int, default=60, help="days of each world and seed")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first-seed", type=int, default=700)
     parser.add_argument("--season-days", type=int, default=60)
-    parser.add_argument("--quick", action="store_true", help="what is installed, few days; writes nothing")
+    parser.add_argument("--quick", action="store_true", help="installed peers only, few days, no page")
     options = parser.parse_args()
     threadpool_limits(1)
     peers = installed()

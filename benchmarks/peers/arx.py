@@ -1,4 +1,4 @@
-"""ARX(2,2) with both inputs for every delay, the best one taken: what MATLAB's `delayest` does."""
+"""Estimate the delay by ARX(2,2) models with both inputs, one for each delay, as MATLAB's `delayest`."""
 
 import numpy as np
 
@@ -6,8 +6,11 @@ from benchmarks.peers.signals import Floats, Ints, deviations, lagged
 
 
 def delays(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """The delay whose ``y[k] = a1 y[k-1] + a2 y[k-2] + b1 u[k-d-1] + b2 u[k-d-2] + c1 o[k-1] + c2 o[k-2] + c``
-    leaves least; the same rows for every delay."""
+    """Return the delay of the model with the smallest residual.
+
+    The model is ``y[k] = a1 y[k-1] + a2 y[k-2] + b1 u[k-d-1] + b2 u[k-d-2] + c1 o[k-1] + c2 o[k-2] + c``,
+    with the same rows for every delay.
+    """
     found = []
     rows = slice(int(candidates[-1]) + 3, y.shape[1])
     for a, b, c in zip(*deviations(u, y, o), strict=True):

@@ -1,8 +1,9 @@
-"""A change point of the maximum-likelihood FIR, found by `ruptures`.
+"""Estimate the delay by a change point of the maximum-likelihood FIR, found by `ruptures`.
 
-The FIR (17) of the rise of the level on both flows; in a store it is a pulse at lag d + 1, with waves a front and
-what follows it. Its running sum, the answer to a step, has a change of mean there: of the two changes that
-`ruptures.Dynp` finds, the larger upward one. Of a dozen ways to ask, this did best on development worlds.
+The FIR (17) is that of the rise of the level to both flows. In a store it is a pulse at lag d + 1; with waves
+it is a front and what follows it. Its running sum is the step response, with a change of mean at the front.
+The delay is at the larger upward change of the two found by `ruptures.Dynp`. Of a dozen variants, this one
+was best on the development worlds.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ ORDER = 30
 
 
 def ml_fir(u: Floats, y: Floats, o: Floats, order: int) -> Floats:
-    """h_u over lags 1 to `order`, by least squares, both flows and a constant together."""
+    """Return h_u over lags 1 to `order`, by least squares on both flows and a constant."""
     rows = slice(order + 1, len(y))
     X = np.column_stack(
         [
@@ -27,7 +28,7 @@ def ml_fir(u: Floats, y: Floats, o: Floats, order: int) -> Floats:
 
 
 def delays(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """The delay before the larger upward change of the answer to a step; at the range's edge where it lies beyond."""
+    """Return the delay at the larger upward change of the step response, clipped to the candidates."""
     import ruptures
 
     order = max(ORDER, int(candidates[-1]) + 5)

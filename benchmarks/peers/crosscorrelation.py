@@ -1,7 +1,8 @@
-"""Cross-correlation after prewhitening: an autoregression makes the inflow white and filters all signals.
+"""Estimate the delay by cross-correlation after prewhitening by an autoregression of the inflow.
 
-G. E. P. Box and G. M. Jenkins, "Time series analysis" (1976), chapter 11. The rise of the level is taken, for a
-pool adds up; what the outflow explains of it, a sample and two samples later, is taken away first.
+Source: G. E. P. Box and G. M. Jenkins, "Time series analysis" (1976), chapter 11. All signals are filtered.
+The rise of the level is used, since a pool integrates. The part of it explained by the outflow, one and two
+samples later, is removed before the correlation.
 """
 
 import numpy as np
@@ -11,11 +12,11 @@ from scipy.signal import lfilter
 from benchmarks.peers.signals import Floats, Ints, deviations, lagged
 
 MOST = 12
-"""Highest order of the autoregression; the criterion of Akaike takes one up to it."""
+"""Highest order of the autoregression. Akaike's criterion selects one up to it."""
 
 
 def whitening(x: Floats) -> Floats:
-    """Polynomial A of an autoregression ``A(q) x = e``, by the equations of Yule and Walker."""
+    """Return the polynomial A of an autoregression ``A(q) x = e``, by the Yule-Walker equations."""
     x = x - x.mean()
     n = len(x)
     r = np.array([x[lag:] @ x[: n - lag] for lag in range(MOST + 1)]) / n
@@ -32,7 +33,7 @@ def whitening(x: Floats) -> Floats:
 
 
 def delays(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """The delay of the highest correlation of the whitened inflow with what the filter leaves of the rise."""
+    """Return the delay of the highest correlation of the whitened inflow with the filtered rise."""
     found = []
     for a, b, c in zip(*deviations(u, y, o), strict=True):
         filtered = [lfilter(whitening(a), 1.0, x) for x in (a, np.diff(b, prepend=b[0]), c)]

@@ -1,7 +1,8 @@
-"""Forward orthogonal least squares over lags of all signals, by `sysidentpy`: the inflow's strongest lag.
+"""Estimate the delay as the strongest lag of the inflow, by forward orthogonal least squares of `sysidentpy`.
 
-Linear terms for the rise of the level: its lags 1 and 2, the inflow's lags of all candidates, the outflow's lags
-1 and 2. They join in the order in which they explain it. Of four ways to ask, this did best on development worlds.
+The model of the rise of the level has linear terms: its lags 1 and 2, the inflow's lags of all candidates,
+the outflow's lags 1 and 2. Terms join in the order in which they explain it. Of four variants, this one was
+best on the development worlds.
 """
 
 import contextlib
@@ -13,11 +14,11 @@ import numpy as np
 from benchmarks.peers.signals import Floats, Ints, deviations
 
 TERMS = 8
-"""Terms that join."""
+"""Number of terms that join."""
 
 
 def delays(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """The delay of the lag of the inflow that joins first; the first candidate where none does."""
+    """Return the delay of the first inflow lag that joins; the first candidate if none joins."""
     from sysidentpy.basis_function import Polynomial
     from sysidentpy.model_structure_selection import FROLS
 

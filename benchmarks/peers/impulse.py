@@ -1,10 +1,11 @@
-"""Regularised FIR by marginal likelihood, kernels TC and DC, and the jump of its step response: `impulseest`.
+"""Estimate the delay by a regularised FIR, as MATLAB's `impulseest`, and the jump of its step response.
 
-The rise of the level is ``y[k] - y[k-1] = sum h_u(l) u[k-l] + sum h_o(l) o[k-l] + c + e``: a pool adds up, and
-the response of the level itself would not end. Each response is Gaussian with covariance
-``c lambda^((i+j)/2) rho^|i-j|`` (DC; T. Chen, H. Ohlsson, L. Ljung, Automatica 48 (2012), 1525-1535), of which TC
-is ``rho = sqrt(lambda)``. A low pass on all signals, which leaves the responses as they are, tames what the
-difference makes of gauge noise. The filter and the way of reading the jump did best on development worlds.
+The FIR has kernels TC and DC and maximises the marginal likelihood. The rise of the level is ``y[k] - y[k-1]
+= sum h_u(l) u[k-l] + sum h_o(l) o[k-l] + c + e``: a pool integrates, so the response of the level itself
+would not end. Each response is Gaussian with covariance ``c lambda^((i+j)/2) rho^|i-j|`` (DC; T. Chen, H.
+Ohlsson, L. Ljung, Automatica 48 (2012), 1525-1535); TC is the case ``rho = sqrt(lambda)``. A low-pass filter
+of all signals leaves the responses unchanged and reduces the gauge noise that the difference amplifies. The
+filter and the detection of the jump were the best variants on the development worlds.
 """
 
 from functools import partial
@@ -20,11 +21,13 @@ ORDER = 30
 """Lags of each response."""
 
 POLE = 0.5
-"""Of the low pass."""
+"""Pole of the low-pass filter."""
 
 
 def kernel(theta: Floats, order: int, tuned: bool) -> tuple[Floats, Floats]:
-    """Covariance of a response over lags 1 to `order`, and its slopes by theta, shape (len(theta), order, order).
+    """Return the covariance of a response over lags 1 to `order`, and its derivatives by theta.
+
+    The derivatives have shape (len(theta), order, order).
 
     Theta is ln c, the logit of lambda and, for DC, the inverse hyperbolic tangent of rho, which is positive.
     """
@@ -41,8 +44,10 @@ def kernel(theta: Floats, order: int, tuned: bool) -> tuple[Floats, Floats]:
 def marginal_cost(
     theta: Floats, G: Floats, b: Floats, yy: float, n: int, order: int, tuned: bool
 ) -> tuple[float, Floats]:
-    """- 2 ln p(y | theta) with the noise variance at its best, but for a constant, and its slopes; K in units of
-    that variance."""
+    """Return -2 ln p(y | theta) up to a constant, at the best noise variance, and its gradient.
+
+    K is in units of the noise variance.
+    """
     halves = [kernel(part, order, tuned) for part in np.split(theta, 2)]
     K = block_diag(halves[0][0], halves[1][0])
     # det(I + G K) and K^-1 + G without the inverse of K
@@ -58,7 +63,7 @@ def marginal_cost(
 
 
 def response(u: Floats, y: Floats, o: Floats, tuned: bool, order: int = ORDER) -> Floats:
-    """h_u over lags 1 to `order` of one day of deviations."""
+    """Return h_u over lags 1 to `order` of one day of deviations."""
     rows = slice(order + 1, len(y))
     rise, inflow, outflow = (lfilter([1.0], [1.0, -POLE], x) for x in (np.diff(y, prepend=y[0]), u, o))
     lags = range(1, order + 1)
@@ -79,7 +84,7 @@ def response(u: Floats, y: Floats, o: Floats, tuned: bool, order: int = ORDER) -
 
 
 def jump(step: Floats) -> int:
-    """Index before which the larger upward change of mean lies, of the two changes that fit best."""
+    """Return the index of the larger upward change of mean, of the two changes that fit best."""
     n = len(step)
     total = np.concatenate([[0.0], np.cumsum(step)])
     k = np.arange(n + 1)
@@ -92,7 +97,7 @@ def jump(step: Floats) -> int:
 
 
 def delays(u: Floats, y: Floats, o: Floats, candidates: Ints, tuned: bool = False) -> Ints:
-    """The delay before the jump of the step response; at the range's edge where it lies beyond."""
+    """Return the delay before the jump of the step response, clipped to the candidates."""
     order = max(ORDER, int(candidates[-1]) + 5)
     signals = zip(*deviations(u, y, o), strict=True)
     found = [jump(np.cumsum(response(a, b, c, tuned, order))) for a, b, c in signals]

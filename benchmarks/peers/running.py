@@ -1,4 +1,4 @@
-"""All peers and `posterior` on the same days, one after the other; each peer first on days that are easy."""
+"""Run all peers and `posterior` in turn on the same days, each peer first on easy days."""
 
 import importlib.util
 import time
@@ -18,11 +18,12 @@ from rivid.errors import RividError
 CANDIDATES = np.arange(1, 16)
 POSTERIOR = "posterior"
 LEAST_EASY = 0.95
-"""Share of the easy days that a peer must get right, else it is broken and its other figures mean nothing."""
+"""Share of the easy days that a peer must estimate exactly. A peer below it is faulty and cannot be
+compared."""
 
 
 def by_posterior(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """The delay of highest probability, whether `posterior` would answer or not."""
+    """Return the delay of highest probability, also on days that `posterior` refuses."""
     found = posterior(u, y, o)
     if not np.array_equal(found.candidates, candidates):
         raise RividError(f"candidates {candidates[0]} to {candidates[-1]}: expected those of the defaults")
@@ -30,7 +31,10 @@ def by_posterior(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
 
 
 def by_table_vi(u: Floats, y: Floats, o: Floats, candidates: Ints) -> Ints:
-    """Table VI with the paper's settings, which knows no outflow; the first candidate where it has no answer."""
+    """Return the delay of Table VI with the paper's settings, which uses no outflow.
+
+    Days without an answer get the first candidate.
+    """
     found = jmap(u - u[:, :1], y - y[:, :1], JmapSettings(d_max=int(candidates[-1]))).delay
     return np.where(np.isfinite(found), found, candidates[0]).astype(np.intp)
 
@@ -44,18 +48,18 @@ PEERS: dict[str, Peer] = {
     "FROLS of `sysidentpy`": frols.delays,
 }
 NEEDS = {change.delays: "ruptures", frols.delays: "sysidentpy"}
-"""Packages of the extra `bench`."""
+"""Packages of the extra `bench`, by method."""
 
 OURS: dict[str, Peer] = {POSTERIOR: by_posterior, "Table VI": by_table_vi}
 
 
 def installed() -> dict[str, Peer]:
-    """The peers whose packages are here."""
+    """Return the peers with all packages installed."""
     return {name: f for name, f in PEERS.items() if f not in NEEDS or importlib.util.find_spec(NEEDS[f])}
 
 
 def share_of_easy_days(peer: Peer, days: int = 8) -> float:
-    """Share of easy days, of a store and of a level that forgets, whose delay a peer finds exactly."""
+    """Return the share of easy days, of a store and of a decaying level, with an exact delay."""
     found = [
         np.mean(peer(*easy_days(days, delay, seed=0, memory=memory), CANDIDATES) == delay)
         for delay in (2, 5, 9) for memory in (1.0, 0.9)
@@ -64,12 +68,12 @@ def share_of_easy_days(peer: Peer, days: int = 8) -> float:
 
 
 def check(peers: dict[str, Peer]) -> dict[str, float]:
-    """The share of each peer.
+    """Return the share of easy days of each peer.
 
     Raises
     ------
     RividError
-        Where one does not find the delay even here.
+        If a peer does not find the delay of easy days.
     """
     shares = {name: share_of_easy_days(peer) for name, peer in peers.items()}
     for name, share in shares.items():
@@ -82,13 +86,13 @@ def check(peers: dict[str, Peer]) -> dict[str, float]:
 
 @dataclass
 class Tally:
-    """What one method did: a row for each world and seed.
+    """Results of one method, a row for each world and seed.
 
     Attributes
     ----------
     world : list of str
     error : list of ndarray, shape (days,)
-        Samples between the answer and the nearer right one.
+        Difference of the answer from the nearer right one [samples].
     ms : list of float
         Processor time [ms a day].
     """
@@ -98,7 +102,7 @@ class Tally:
     ms: list[float] = field(default_factory=list)
 
     def of(self, linear: bool) -> Ints:
-        """Errors of the linear worlds, or of the others."""
+        """Return the errors of the linear worlds, or of the others."""
         parts = [
             e for name, e in zip(self.world, self.error, strict=True) if name.startswith("linear") == linear
         ]
@@ -107,15 +111,15 @@ class Tally:
 
 @dataclass(frozen=True)
 class Run:
-    """All methods on all days, and what `posterior` would not answer.
+    """Results of all methods on all days.
 
     Attributes
     ----------
     tallies : dict of Tally
     answered : ndarray of bool, shape (days,)
-        Of all worlds and seeds in the order of the tallies.
+        Whether `posterior` answers; all worlds and seeds in the order of the tallies.
     constant : dict of bool to float
-        Best share exact that one delay for all days has, of the linear worlds and of the others.
+        Largest share of exact answers by one delay for all days, of the linear worlds and of the others.
     """
 
     tallies: dict[str, Tally]
@@ -124,18 +128,18 @@ class Run:
 
 
 def errors(delay: Ints, world: World) -> Ints:
-    """Samples from the nearer right answer."""
+    """Return the absolute difference from the nearer right delay [samples]."""
     return np.minimum(np.abs(delay - world.delay), np.abs(delay - world.other))
 
 
 def run(methods: dict[str, Peer], kind: str, seeds: range, days: int) -> Run:
-    """Every method on every world, in turn, so that a slow minute of the machine meets all of them."""
+    """Run all methods on each world in turn, so that load on the machine affects all of them equally."""
     tallies = {name: Tally() for name in methods}
     answered, truths = [], []
     for seed in seeds:
         for world in worlds(kind, seed, days):
             for name, method in methods.items():
-                method(world.u[:2], world.y[:2], world.o[:2], CANDIDATES)  # compiled and cached
+                method(world.u[:2], world.y[:2], world.o[:2], CANDIDATES)  # compile before timing
                 began = time.process_time()
                 delay = method(world.u, world.y, world.o, CANDIDATES)
                 tallies[name].ms.append(1000.0 * (time.process_time() - began) / len(world.u))

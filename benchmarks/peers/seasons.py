@@ -1,4 +1,4 @@
-"""What a season's days give each other: seasons that drift, that step, and days that have no neighbours.
+"""Compare days joined over a season with single days: seasons that drift or step, and independent days.
 
 Usage: python -m benchmarks.peers.seasons [--days N --seeds N]
 """
@@ -22,7 +22,7 @@ from rivid.simulation.scenario import Scenario
 Floats = NDArray[np.float64]
 
 WIDE = {"lowest": 60.0, "highest": 800.0, "seasonal": 0.5, "variability": 0.6, "memory_days": 12.0}
-"""A river that comes and goes, so that the travel time does."""
+"""A highly variable river flow, so that the travel time varies too."""
 
 LEVELS = (0.55, 1.9)
 """Discharge before and after a step, as a share of the reach's mean."""
@@ -38,7 +38,7 @@ NAMES = ("drifts", "steps in discharge", "steps in length", "independent")
 
 @dataclass(frozen=True)
 class Days:
-    """A season, its truth, and what each day says alone.
+    """A season, its truth, and the estimates of its single days.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Days:
     world : World
     discharge : ndarray, shape (days,)
     seen, blind : PosteriorResult
-        With the outflow, and without.
+        Estimates with the outflow, and without.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Days:
 
 
 def _scenario(recipe: Recipe, share: float, days: int, **flow: float) -> Scenario:
-    """A season of one length, `share` of the way from the shortest to the longest."""
+    """Return a season of one length, at `share` between the shortest and the longest."""
     length = recipe.length[0] + share * (recipe.length[1] - recipe.length[0])
     scenario = recipe.scenario(length, days)
     mean = flow.get("mean", scenario.flow.mean)
@@ -81,7 +81,7 @@ def _world(name: str, seasons: list[Season]) -> World:
 
 
 def built(kind: str, seed: int, days: int) -> Iterator[tuple[str, World]]:
-    """Seasons of a kind of worlds, with their names."""
+    """Yield the seasons of a kind of worlds with their names."""
     for k, name in enumerate(CHOSEN[kind]):
         recipe = KINDS[kind][name]
         rng = np.random.default_rng([seed, k, list(KINDS).index(kind), 9])
@@ -106,7 +106,7 @@ def built(kind: str, seed: int, days: int) -> Iterator[tuple[str, World]]:
 
 
 def alone(kind: str, seed: int, days: int) -> list[Days]:
-    """Each season, and what its days say one by one."""
+    """Return each season with the estimates of its single days."""
     found = []
     for name, world in built(kind, seed, days):
         found.append(
@@ -119,13 +119,13 @@ def alone(kind: str, seed: int, days: int) -> list[Days]:
 
 
 def scores(p: Floats, world: World, candidates: NDArray[np.intp]) -> Floats:
-    """Exact, within one, randomised coverage of the 90 % set, log score and surely wrong, shape (5, days)."""
+    """Return exact, within one, randomised coverage of 90 %, log score and surely wrong, shape (5, days)."""
     every = np.arange(len(p))
     best = candidates[np.argmax(p, axis=1)]
     error = np.minimum(np.abs(best - world.delay), np.abs(best - world.other))
     column = np.clip(world.delay - candidates[0], 0, p.shape[1] - 1)
     other = np.clip(world.other - candidates[0], 0, p.shape[1] - 1)
-    # where the travel time lies at an edge either delay is right: what both hold counts, the likelier is it
+    # if the travel time is at an edge, both delays are right: add their probabilities, take the likelier one
     held = p[every, column] + np.where(column == other, 0.0, p[every, other])
     likelier = np.where(p[every, other] > p[every, column], other, column)
     covered = randomised_coverage(p, likelier)
@@ -134,7 +134,7 @@ def scores(p: Floats, world: World, candidates: NDArray[np.intp]) -> Floats:
 
 
 def ways(days: Days, found: PosteriorResult, settings: SeasonSettings) -> dict[str, Floats]:
-    """Probabilities of the delay of every day: alone, and joined in four ways."""
+    """Return the probabilities of the delay of every day: alone, and joined in four ways."""
     D = found.probability.shape[1]
     alone = np.where(np.isfinite(found.probability), found.probability, 1.0 / D)
     joined = {"alone": alone}
@@ -149,7 +149,7 @@ def ways(days: Days, found: PosteriorResult, settings: SeasonSettings) -> dict[s
 
 
 def gains(seasons: list[Days], blind: bool, settings: SeasonSettings) -> dict[tuple[str, str], Floats]:
-    """Scores (5, days) of each kind of season and each way."""
+    """Return the scores (5, days) of each kind of season and each way."""
     found: dict[tuple[str, str], list[Floats]] = {}
     for days in seasons:
         result = days.blind if blind else days.seen
@@ -171,7 +171,7 @@ HEAD = [
 
 
 def rows(found: dict[tuple[str, str], Floats]) -> list[list[str]]:
-    """One for each season and way."""
+    """Return a row for each season and way."""
     return [
         [name, way, str(values.shape[1]), *(f"{x:.3f}" for x in values.mean(axis=1))]
         for (name, way), values in found.items()
@@ -179,7 +179,7 @@ def rows(found: dict[tuple[str, str], Floats]) -> list[list[str]]:
 
 
 def section(kind: str, seeds: range, days: int, settings: SeasonSettings | None = None) -> str:
-    """The tables of a kind of worlds, in Markdown."""
+    """Return the tables of a kind of worlds, in Markdown."""
     s = settings or SeasonSettings()
     seasons = [part for seed in seeds for part in alone(kind, seed, days)]
     parts = []

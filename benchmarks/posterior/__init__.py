@@ -1,1 +1,1 @@
-"""p(d | y) on simulated reaches with known delays: worlds, scores, the page."""
+"""Benchmark of p(d | y) on simulated reaches with known delays: worlds, scores, page."""

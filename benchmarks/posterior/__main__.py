@@ -14,14 +14,14 @@ from benchmarks.posterior.picture import draw
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 FIRST_SEED = 701
-"""No seed below it is used here: those were looked at while constants were chosen."""
+"""First seed used here. Smaller seeds were inspected while the constants were chosen."""
 PROOF_WORLDS, ROUGH_WORLDS = range(700_000, 700_450), range(710_000, 710_150)
-"""Seeds of the exam's worlds that prove it; those below 2,000 were looked at."""
+"""Seeds of the exam's worlds for the proof. Seeds below 2,000 were inspected during development."""
 EXAM_DAYS = 8
 
 
 def main() -> None:
-    """Run all worlds and write the page and its picture."""
+    """Run all worlds, and write the page and its picture."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--days", type=int, default=240)

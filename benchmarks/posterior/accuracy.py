@@ -1,4 +1,4 @@
-"""Scores of p(d | y) on many seeds of both kinds of worlds, counted the way the page shows them."""
+"""Compute scores of p(d | y) on many seeds of both kinds of worlds, as shown on the page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -14,12 +14,12 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 DELAYS = (2, 12)
-"""True delays that are asked about [samples]."""
+"""Smallest and largest true delay of the scored days [samples]."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What one world gave over all seeds.
+    """Scores of one world over all seeds.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Found:
     sample_time : float
         T_s [s].
     matched, shuffled : Scores
-        The days as they are; the inflow of one day with the level and the outflow of another.
+        Scores of the days as they are, and of the inflow of one day with the level and outflow of another.
     """
 
     kind: str
@@ -38,13 +38,13 @@ class Found:
 
     @property
     def is_linear(self) -> bool:
-        """Whether the water is a store behind a delay; else it follows Saint-Venant."""
+        """Whether the truth is a store with a delay; otherwise it is Saint-Venant."""
         return self.name.startswith("linear")
 
 
 @dataclass(frozen=True)
 class Bin:
-    """One step of a reliability diagram: mean probability, how often it was true, of how many."""
+    """One bin of a reliability diagram: mean probability, number of true candidates, number of candidates."""
 
     said: float
     true: int
@@ -52,14 +52,14 @@ class Bin:
 
 
 def asked(scores: Scores, keep: Bools) -> Scores:
-    """Some days of the scores."""
+    """Return the scores of a selection of days."""
     return replace(
         scores, **{f.name: getattr(scores, f.name)[keep] for f in fields(Scores) if f.name != "ms"}
     )
 
 
 def measure(kind: str, seeds: range, days: int) -> list[Found]:
-    """Every world of a kind, days of all seeds together."""
+    """Score every world of a kind, with the days of all seeds together."""
     per_seed = [worlds(kind, seed, days) for seed in seeds]
     found = []
     for same in zip(*per_seed, strict=True):
@@ -71,7 +71,7 @@ def measure(kind: str, seeds: range, days: int) -> list[Found]:
 
 
 def reliability(said: Floats, is_true: Bools, edges: Floats) -> list[Bin]:
-    """Probabilities put in bins; empty bins are left out."""
+    """Return the probabilities in bins; empty bins are left out."""
     which = np.clip(np.digitize(said, edges) - 1, 0, len(edges) - 2)
     bins = []
     for k in range(len(edges) - 1):
@@ -82,7 +82,7 @@ def reliability(said: Floats, is_true: Bools, edges: Floats) -> list[Bin]:
 
 
 def _between(key: str, bounds: tuple[float, ...], unit: float = 1.0) -> Callable[[dict[str, Any]], str]:
-    """Name of the interval of a factor, in units of `unit`."""
+    """Return a function that names the interval of a factor, in units of `unit`."""
     names = [f"{a:g} to {b:g}" for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
     return lambda f: names[int(np.searchsorted(bounds[1:-1], f[key] / unit, side="right"))]
 
@@ -103,9 +103,9 @@ FACTORS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 
 def by_factor(seeds: range, days: int, rough: bool = False) -> dict[tuple[str, str], Scores]:
-    """Scores of the exam's worlds for each factor and each of its values, in their order."""
+    """Return the scores of the exam's worlds for each factor and each of its values, in order."""
     every = [(f, score(w, s)) for w, s, f in random_worlds(seeds, days, rough)]
-    none = np.zeros((days, 0))  # candidates differ from world to world
+    none = np.zeros((days, 0))  # the candidates differ between worlds
     every = [(f, replace(s, probability=none, is_true=none.astype(bool))) for f, s in every]
     found = {}
     for factor, value in FACTORS.items():
@@ -117,6 +117,6 @@ def by_factor(seeds: range, days: int, rough: bool = False) -> dict[tuple[str, s
 
 
 def _first_number(name: str) -> tuple[float, str]:
-    """Intervals by their lower bound."""
+    """Return a sort key: intervals by their lower bound."""
     head = name.split(" ")[0]
     return (float(head) if head.replace(".", "").isdigit() else -1.0, name)

@@ -1,7 +1,8 @@
-"""What a day can tell: the likelihood of the linear worlds' own equation, told all but gains, a leak and the delay.
+"""Compute an upper limit of the accuracy of a day: the likelihood of the equation of the linear worlds.
 
-The exact store behind an exact delay, with the true variances and memory of gauge and weather. An estimator
-that is not told these can hardly do better.
+The equation is the exact store with an exact delay. The variances and the memory of gauge and weather have
+their true values; the gains, a leak and the delay are free. An estimator without these values can hardly be
+more accurate.
 """
 
 from dataclasses import dataclass
@@ -16,16 +17,16 @@ from rivid.core.posterior.daily import posterior
 
 Floats = NDArray[np.float64]
 STEP = 0.1
-"""Between places of the front that are tried [samples]."""
+"""Spacing of the places of the front [samples]."""
 LAST = 16
-"""The places tried end here [samples]."""
+"""Last place of the front [samples]."""
 SUREST = 0.9
-"""Share of days answered: those that are surest."""
+"""Share of the days that are answered: those of highest probability."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Shares of the surest days that are exact, and how many days there were."""
+    """Shares of exact answers among the surest days, and the number of days."""
 
     kind: str
     name: str
@@ -35,16 +36,16 @@ class Limit:
 
 
 def likelihood(world: World, day: int, area: float, gauge: float, weather: float, memory: float) -> Floats:
-    """Log likelihood of places of the front at the middles of steps from 1 to `LAST` samples.
+    """Return the log-likelihood of places of the front, at the middles of steps from 1 to `LAST` samples.
 
     Parameters
     ----------
     world : World
     day : int
     area : float
-        Surface [m2]; it scales the weather only, the gains are free.
+        Surface area [m2]. It scales only the weather; the gains are free.
     gauge : float
-        Variance of the gauge, its steps included [m2].
+        Variance of the gauge, including its resolution [m2].
     weather, memory : float
         Standard deviation [m3/s] and memory [s] of the unlogged inflow.
     """
@@ -67,7 +68,7 @@ def likelihood(world: World, day: int, area: float, gauge: float, weather: float
 
 
 def right_and_sure(log: Floats, world: World, day: int) -> tuple[bool, float]:
-    """Whether the likeliest delay is right, and the probability that it is."""
+    """Return whether the likeliest delay is right, and the probability that it is."""
     per_delay = round(1 / STEP)
     p = np.exp(log - log.max())
     p /= p.sum()
@@ -77,13 +78,13 @@ def right_and_sure(log: Floats, world: World, day: int) -> tuple[bool, float]:
 
 
 def surest(right: NDArray[np.bool_], sure: Floats) -> float:
-    """Share right of the days that are surest."""
+    """Return the share of right answers among the surest days."""
     order = np.argsort(-np.nan_to_num(sure), kind="stable")
     return float(right[order[: round(SUREST * len(order))]].mean())
 
 
 def limits(seed: int, days: int) -> list[Limit]:
-    """The linear worlds of both kinds."""
+    """Return the limits of the linear worlds of both kinds."""
     found = []
     for kind, recipes in KINDS.items():
         for world in worlds(kind, seed, days):

@@ -1,4 +1,4 @@
-"""docs/accuracy_posterior.md from the scores."""
+"""Write docs/accuracy_posterior.md from the scores."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -14,7 +14,7 @@ from benchmarks.posterior.worlds import KINDS
 EDGES = np.array([0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98, 1.0 + 1e-9])
 
 GATES = (0.0, 0.15, 0.3, 0.5, 2.0)
-"""Bounds of the gate's time [samples] by which the reaches drawn at random are grouped."""
+"""Bounds of the gate time [samples] by which the random reaches are grouped."""
 
 TARGETS: tuple[tuple[str, str, Callable[[Scores], bool]], ...] = (
     ("answered", ">= 90 %", lambda s: bool(s.answered.mean() >= 0.9)),
@@ -30,18 +30,18 @@ ByFactor = dict[tuple[str, str], Scores]
 
 
 def share(k: int, n: int, digits: int = 1) -> str:
-    """A share in per cent with its interval."""
+    """Format a share in per cent with its interval."""
     low, high = wilson(k, n)
     return f"{100 * k / max(n, 1):.{digits}f} ({100 * low:.{digits}f}-{100 * high:.{digits}f})"
 
 
 def mean(values: np.ndarray) -> str:
-    """Mean of randomised shares and twice its standard error, in per cent."""
+    """Format the mean of randomised shares and twice its standard error, in per cent."""
     return f"{100 * values.mean():.1f} ± {200 * values.std() / np.sqrt(len(values)):.1f}"
 
 
 def numbers(s: Scores) -> list[str]:
-    """Days, then what `TARGETS` ask."""
+    """Return the number of days and the shares of `TARGETS` as text."""
     a, n = int(s.answered.sum()), len(s.answered)
     return [
         str(n), share(a, n), share(int(s.exact.sum()), a), share(int(s.within.sum()), a),
@@ -50,7 +50,7 @@ def numbers(s: Scores) -> list[str]:
 
 
 def groups(found: list[Found]) -> dict[str, Scores]:
-    """Truths of both kinds of worlds, one score each."""
+    """Return the scores of linear and hydraulic truths, for each kind of worlds."""
     return {
         f"{kind}, {name}": together([f.matched for f in found if f.kind == kind and f.is_linear == linear])
         for kind in ("development", "proof")
@@ -59,7 +59,7 @@ def groups(found: list[Found]) -> dict[str, Scores]:
 
 
 def bins_of(found: list[Found]) -> dict[str, list[Bin]]:
-    """Reliability of every candidate's probability, by truth, on worlds that took no part."""
+    """Return the reliability of the probability of every candidate, by truth, on the proof worlds."""
     lines = {}
     for name, linear in (("linear truth", True), ("hydraulic truth", False)):
         s = together([f.matched for f in found if f.kind == "proof" and f.is_linear == linear])
@@ -68,7 +68,7 @@ def bins_of(found: list[Found]) -> dict[str, list[Bin]]:
 
 
 def placed(s: Scores) -> list[str]:
-    """How often the travel time is in its band, and the band's width."""
+    """Return how often the band contains the travel time, and the width of the band."""
     known = int(s.known.sum())
     return [share(int(s.in_band[s.known].sum()), known), f"{np.nanmedian(s.band):.2f}"]
 
@@ -81,7 +81,7 @@ def page(
     head: str,
     tail: str,
 ) -> str:
-    """The whole page."""
+    """Return the whole page."""
     by_truth = groups(found)
     head_row = ["", "days", *(f"{what} [%], {aim}" for what, aim, _ in TARGETS)]
     text = head + "\n## Beside the targets\n\n"
@@ -90,8 +90,8 @@ def page(
     text += "\n## World by world\n\n"
     short = ["world", "T_s [s]", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
              "place in its band", "width of the band [samples]"]  # fmt: skip
-    for kind, what in (("development", "Worlds the constants were chosen on, seeds that were not"),
-                       ("proof", "Worlds that took no part")):  # fmt: skip
+    for kind, what in (("development", "Worlds used for development, with other seeds"),
+                       ("proof", "Worlds not used for development")):  # fmt: skip
         rows = [
             [f.name, f"{f.sample_time:g}", *numbers(f.matched), *placed(f.matched)]
             for f in found
@@ -104,7 +104,7 @@ def page(
 
 
 def drawn_section(drawn: list[Found], head: list[str]) -> str:
-    """Reaches drawn at random, by the time that their gates need."""
+    """Return the table of random reaches by their gate time."""
     gates = [KINDS[f.kind][f.name].changes["channel"]["gate_time"] / f.sample_time for f in drawn]
     rows = []
     for low, high in pairwise(GATES):
@@ -113,17 +113,17 @@ def drawn_section(drawn: list[Found], head: list[str]) -> str:
             s = together(parts)
             rows.append([f"{low:g} to {high:g}", str(len(parts)), *numbers(s), *placed(s)])
     return (
-        f"{len(drawn)} reaches drawn at random, none of which took part, by the time that a gate needs [%]:\n\n"
+        f"{len(drawn)} random reaches, none of them used for development, by the gate time [%]:\n\n"
         + table(["gate [samples]", "reaches", *head], rows)
         + "\n"
     )
 
 
 def random_section(exam: ByFactor, rough: ByFactor) -> str:
-    """The exam's random worlds, split by factor."""
+    """Return the scores of the exam's random worlds by factor."""
     head = ["factor", "", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
             "place in its band", "width of the band [samples]", "error of the half-response [samples]",
-            "of the travel time as such"]  # fmt: skip
+            "of the travel time alone"]  # fmt: skip
 
     def line(s: Scores) -> list[str]:
         errors = (s.half_error, s.front_error)
@@ -132,17 +132,17 @@ def random_section(exam: ByFactor, rough: ByFactor) -> str:
     rows = [[factor, name, *line(s)] for (factor, name), s in exam.items()]
     worst = [["gauge of 10 mm, steps of 20 mm", "", *line(s)] for (f, _), s in rough.items() if f == "all"]
     return (
-        "## Random worlds, by factor\n\nPools of the exam with nothing hidden ([exam.md](exam.md)): box scheme, Saint-Venant or "
-        "linear store; operators by hand, automatic\nor on a schedule; a stilling well in half of them. Eight days each, the delays that "
-        "`rivid bounds` proposes from a geometry known to some percent,\nseeds that took no part. The true travel time of the box scheme is that "
-        "of the boxes' own sections [%]. The half-response is the travel time and the half time of\nthe stilling well; its error is a median:\n\n"
+        "## Random worlds, by factor\n\nPools of the exam without hidden effects ([exam.md](exam.md)): box scheme, Saint-Venant or "
+        "linear store; manual control, automatic control\nor a schedule; a stilling well in half of them. Each has eight days, the delays that "
+        "`rivid bounds` proposes from a geometry with errors of some percent,\nand a seed not used to choose the constants. The true travel time of the box scheme is that "
+        "of the sections of the boxes [%]. The half-response is the travel time plus\nthe half time of the stilling well; its error is a median:\n\n"
         + table(head, rows + worst)
         + "\n"
     )
 
 
 def verdict(by_truth: dict[str, Scores]) -> str:
-    """What is reached and what is not, in words."""
+    """Return which targets are reached and which are not."""
     lines = []
     for name, s in by_truth.items():
         missed = [what for what, _, reached in TARGETS if not reached(s)]
@@ -151,10 +151,10 @@ def verdict(by_truth: dict[str, Scores]) -> str:
 
 
 def reliability_section(found: list[Found]) -> str:
-    """Tables of the reliability diagram and of the probability of being right."""
+    """Return the tables of the reliability diagram and of the probability of being right."""
     text = (
-        "## Reliability, on worlds that took no part\n\n"
-        "![probability given to a delay beside how often it was the true one](pictures/posterior_reliability.png)\n\n"
+        "## Reliability, on worlds not used for development\n\n"
+        "![probability of a delay and frequency with which it is the true one](pictures/posterior_reliability.png)\n\n"
     )
     for name, bins in bins_of(found).items():
         rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
@@ -170,7 +170,7 @@ def reliability_section(found: list[Found]) -> str:
 
 
 def null_section(found: list[Found]) -> str:
-    """Shuffled days."""
+    """Return the table of shuffled days."""
     rows = []
     for kind in ("development", "proof"):
         s = together([f.shuffled for f in found if f.kind == kind])
@@ -185,28 +185,28 @@ def null_section(found: list[Found]) -> str:
 
 
 def limit_section(known: list[Limit]) -> str:
-    """The estimator beside a likelihood that is told nearly everything."""
+    """Return the table of the estimator and the oracle."""
     rows = [
         [f"{k.name} ({k.kind})", str(k.days), f"{100 * k.oracle:.1f}", f"{100 * k.estimator:.1f}"]
         for k in known
     ]
     return (
-        "## How much a day can show\n\nExact of the surest 90 % of days, linear truth. The oracle is the likelihood of the "
-        "world's own equation, given the true variances\nand memories of gauge and weather; gains, a steady leak and "
-        "the delay are free. Two or three in a hundred\nare the error of these shares: where the two columns agree, what is "
-        "missed is not in the day.\n\n"
+        "## Limit of the information in a day\n\nShare of exact answers among the surest 90 % of days, linear truth. The oracle is the likelihood of the "
+        "world's own equation with the true variances\nand memories of gauge and weather; gains, a steady leak and "
+        "the delay are free. These shares have an error of two to three\npercentage points. Where the two columns agree, the missed days do not "
+        "contain the information.\n\n"
         + table(["world", "days", "oracle [%]", "`posterior` [%]"], rows)
         + "\n"
     )
 
 
 def speed_section(found: list[Found]) -> str:
-    """Milliseconds a day by the length of the day."""
+    """Return the table of milliseconds per day by the length of the day."""
     by_time: dict[float, list[float]] = {}
     for f in found:
         by_time.setdefault(f.sample_time, []).append(f.matched.ms)
     rows = [[f"{T:g}", str(round(86400 / T)), f"{np.median(ms):.2f}"] for T, ms in sorted(by_time.items())]
     return (
-        f"## Time\n\nOne process, one core, d 1-15, the response and its spread included ({machine()}, others at "
-        "work on it):\n\n" + table(["T_s [s]", "samples a day", "ms a day"], rows) + "\n"
+        f"## Time\n\nOne process, one core, d 1-15, the response and its spread included ({machine()}, with other "
+        "load):\n\n" + table(["T_s [s]", "samples a day", "ms a day"], rows) + "\n"
     )

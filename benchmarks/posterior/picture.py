@@ -1,4 +1,4 @@
-"""Reliability diagram: what was said beside how often it was true."""
+"""Draw the reliability diagram: frequency of true delays against their probability."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from rivid.plots.style import ACCENT, GREY, INK, WATER, entry, key, save, sheet,
 
 
 def draw(lines: dict[str, list[Bin]], path: Path, title: str, note: str) -> None:
-    """One line of dots with 95 % intervals for each group of worlds."""
+    """Draw a series of points with 95 % intervals for each group of worlds."""
     colours = [WATER, ACCENT, INK]
     with styled():
         figure, (ax,) = sheet(title, note, [3.12])

@@ -1,4 +1,4 @@
-"""What p(d | y) is worth on days whose delay is known."""
+"""Score p(d | y) on days of known delay."""
 
 import time
 from dataclasses import dataclass
@@ -14,35 +14,35 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LEVEL = 0.9
-"""Of the set whose coverage is counted."""
+"""Level of the set whose coverage is computed."""
 
 
 @dataclass(frozen=True)
 class Scores:
-    """One value a day; of a world, or of several side by side.
+    """Scores of the days of one world or of several worlds, one value a day.
 
     Attributes
     ----------
     answered, exact, within, surely_wrong : ndarray of bool, shape (days,)
-        Status "ok"; then, of the delay given: right, within one sample, wrong with p above 0.9. Where the
-        travel time is within a tenth of a sample of a sampling instant, either neighbour is right.
+        Whether the status is "ok"; and whether the answered delay is right, within one sample, or wrong with
+        p above 0.9. If the travel time is within a tenth of a sample of a sampling instant, both neighbours
+        are right.
     covered : ndarray, shape (days,)
-        Randomised coverage of the 90 % set: the chance that the set holds the true delay, where its last
-        member is taken by lot so that it holds exactly 90 %.
+        Randomised coverage of the 90 % set: the probability that the set contains the true delay, with its
+        last member included at random so that the set has exactly 90 %.
     top, top_right : ndarray, shape (days,)
-        Probability of being right that the day gives its best delay, and whether it is right; all days that
-        have one.
+        Probability that the best delay is right, and whether it is; for all days that have a best delay.
     probability, is_true : ndarray, shape (days, D)
         p(d | y) of every candidate, and whether it is the true one.
     in_band, band : ndarray, shape (days,)
-        Whether the 90 % band of the travel time holds it, and its width [samples].
+        Whether the 90 % band of the travel time contains the true one, and its width [samples].
     front_error, half_error : ndarray, shape (days,)
-        Error of travel time and half-response beside the true half-response [samples]: travel time and half
-        time of the stilling well.
+        Absolute difference of the estimated travel time, and of the estimated half-response, from the true
+        half-response [samples]: travel time plus half time of the stilling well.
     known : ndarray of bool, shape (days,)
-        The day has probabilities.
+        Whether the day has probabilities.
     ms : float
-        Milliseconds a day.
+        Duration of the estimate [ms per day].
     """
 
     answered: Bools
@@ -63,21 +63,21 @@ class Scores:
 
 
 def randomised_coverage(probability: Floats, column: NDArray[np.intp], level: float = LEVEL) -> Floats:
-    """Chance that a set of exactly `level` holds the column that is true.
+    """Return the probability that a set of exactly `level` contains the true column.
 
     Parameters
     ----------
     probability : ndarray, shape (days, D)
         Rows that sum to one.
     column : ndarray of int, shape (days,)
-        The true one; -1 where none is.
+        The true column; -1 if there is none.
     level : float
 
     Returns
     -------
     ndarray, shape (days,)
-        Candidates join by falling probability; the one that passes `level` joins by lot, with the chance
-        that makes the set hold exactly `level`.
+        Candidates join in the order of falling probability. The one that exceeds `level` joins at random,
+        with the probability for which the set has exactly `level`.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def randomised_coverage(probability: Floats, column: NDArray[np.intp], level: fl
 
 
 def judge(found: PosteriorResult, world: World, ms: float = np.nan) -> Scores:
-    """The scores of a result on its world."""
+    """Score a result on its world."""
     candidates, every = found.candidates, np.arange(len(world.delay))
     known = np.isfinite(found.probability).all(axis=1)
     p = np.where(known[:, None], found.probability, 1.0 / len(candidates))
@@ -119,7 +119,7 @@ def judge(found: PosteriorResult, world: World, ms: float = np.nan) -> Scores:
 
 
 def score(world: World, settings: PosteriorSettings | None = None, shift: int = 0) -> Scores:
-    """Estimate a world and judge it; with `shift`, the inflow of another day: there is nothing to find."""
+    """Estimate and score a world. With `shift`, days have the inflow of another day and contain no delay."""
     u = np.roll(world.u, shift, axis=0)
     began = time.process_time()
     found = posterior(u, world.y, world.o, settings)
@@ -128,7 +128,7 @@ def score(world: World, settings: PosteriorSettings | None = None, shift: int = 
 
 
 def together(parts: list[Scores]) -> Scores:
-    """Several worlds as one."""
+    """Join the scores of several worlds."""
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in Scores.__dataclass_fields__
@@ -139,7 +139,7 @@ def together(parts: list[Scores]) -> Scores:
 
 
 def wilson(k: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a share of k in n.
+    """Return Wilson's 95 % interval of a share of k in n.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Simulated worlds for p(d | y): those its constants were chosen on, and others that took no part.
+"""Simulate worlds for p(d | y): those used for its development, and others.
 
-A world is many short seasons of one kind of reach. Each season has a length of its own, drawn from the seed,
-so that the delays cover the range and their fractions are even.
+A world is many short seasons of one kind of reach. The length of each season's reach is drawn from the seed,
+so that the delays cover the range and their fractions are uniform.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ from rivid.simulation.season import Water
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 SEASON = 6
-"""Days of one length of the reach."""
+"""Days with one length of the reach."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -38,11 +38,11 @@ class World:
     u, y, o : ndarray, shape (days, N)
         Inflow command [m3/s], level [m] and outflow command [m3/s].
     delay : ndarray of int, shape (days,)
-        True delay d [samples]: the front of a small wave at the day's mean flow needs `travel` samples, and
-        ``d = ceil(travel) - 1`` (:func:`rivid.simulation.true_delay`): a command of sample k is seen first at
-        sample k + d + 1. But for a travel time of whole samples that is its floor.
+        True delay d [samples]. The front of a small wave at the day's mean flow needs `travel` samples, and
+        ``d = ceil(travel) - 1`` (:func:`rivid.simulation.true_delay`): a command of sample k is first visible
+        at sample k + d + 1. Except for a travel time of whole samples, d is its floor.
     travel : ndarray, shape (days,)
-        The travel time of that front, fraction included [samples].
+        Travel time of that front, fraction included [samples].
     sample_time : float
         T_s [s].
     well : float
@@ -60,7 +60,7 @@ class World:
 
     @property
     def other(self) -> Ints:
-        """The delay beyond the nearest sampling instant where that is within 0.1 samples, else `delay`."""
+        """Delay beyond the nearest sampling instant if that is within 0.1 samples, otherwise `delay`."""
         edge = np.round(self.travel)
         near = np.abs(self.travel - edge) < 0.1
         return np.where(near, 2 * edge - 1 - self.delay, self.delay).astype(np.intp)
@@ -73,14 +73,14 @@ class Recipe:
     Attributes
     ----------
     base : str
-        A scenario file.
+        Name of a scenario file.
     length : (float, float)
         Shortest and longest reach [m].
     gain : (float, float)
-        K_h [m2/s] of the people on the shortest and on the longest reach: a short pool answers faster, a
-        strong hand would make it swing.
+        K_h [m2/s] of the operators on the shortest and on the longest reach. A short pool responds faster,
+        and a high gain would make it oscillate.
     changes : dict
-        Tables of the scenario, over the file's.
+        Tables of the scenario that replace those of the file.
     """
 
     base: str
@@ -89,7 +89,7 @@ class Recipe:
     changes: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def scenario(self, length: float, days: int) -> Scenario:
-        """The scenario of one length."""
+        """Return the scenario of one length."""
         said = load_scenario(SCENARIOS / f"{self.base}.toml").model_dump(exclude_unset=True)
         for table, values in self.changes.items():
             said[table] = said.get(table, {}) | values
@@ -108,7 +108,7 @@ UNEVEN = ((2600.0, 12300.0), (-70.0, -140.0))
 
 
 def _sampled(T_s: float) -> dict[str, dict[str, Any]]:
-    """Another sample time; the dispatcher acts as often in an hour."""
+    """Return the changes for another sample time, with as many dispatch actions per hour."""
     return {"reach": {"sample_time": T_s}, "programme": {"activity": min(0.4 * T_s / 133.0, 1.0)}}
 
 
@@ -179,20 +179,20 @@ PROOF = {
     ),
 }  # fmt: skip
 N_DRAWN = 40
-"""Reaches drawn at random, of each kind."""
+"""Number of random reaches of each kind."""
 
 
 def drawn(number: int) -> Recipe:
-    """A hydraulic or uneven reach drawn at random, the same for the same number.
+    """Draw a hydraulic or uneven reach at random; a number always gives the same reach.
 
-    Sample time, gate time, width, depth, slope, roughness, gauge and weather are drawn apart from one another;
-    lengths are those of 2 to 13 samples of travel, flows and gains follow the width.
+    Sample time, gate time, width, depth, slope, roughness, gauge and weather are drawn independently. Lengths
+    give travel times of 2 to 13 samples; flows and gains are proportional to the width.
     """
     rng = np.random.default_rng([777, number])
     uneven = bool(rng.random() < 0.5)
     T_s = float(rng.choice([45, 60, 75, 90, 105, 120, 133, 150, 165, 180, 200, 220, 240, 260]))
     width, depth = rng.uniform(55.0, 130.0), rng.uniform(4.3, 6.8)
-    wide, step = width / 81.6, T_s * np.sqrt(9.81 * 0.85 * depth) + T_s  # the way of a wave in a sample
+    wide, step = width / 81.6, T_s * np.sqrt(9.81 * 0.85 * depth) + T_s  # distance of a wave in one sample
     gain = -16.0 * T_s / 133.0 * wide
     channel = {
         "slope": rng.uniform(1e-4, 3e-4), "manning": rng.uniform(0.021, 0.035),
@@ -231,14 +231,14 @@ def _worlds(kind: str, seed: int, days: int) -> tuple[World, ...]:
 
 
 def _world(name: str, recipe: Recipe, rng: np.random.Generator, days: int) -> World:
-    """Seasons of evenly spread lengths, side by side."""
+    """Simulate seasons on reaches of evenly spread lengths, and join them."""
     parts = -(-days // SEASON)
     share = (rng.permutation(parts) + rng.random(parts)) / parts
     lengths = recipe.length[0] + share * (recipe.length[1] - recipe.length[0])
     seasons: list[Season] = []
     for i, length in enumerate(lengths):
         scenario = recipe.scenario(float(length), min(SEASON, days - i * SEASON))
-        first = scenario.first_day.replace(month=int(rng.integers(1, 13)))  # low and high water
+        first = scenario.first_day.replace(month=int(rng.integers(1, 13)))  # seasons of low and high flow
         seasons.append(simulate(scenario.model_copy(update={"first_day": first}), int(rng.integers(2**31))))
     u, y, o, delay, travel = (
         np.concatenate([getattr(season, key) for season in seasons])
@@ -249,15 +249,15 @@ def _world(name: str, recipe: Recipe, rng: np.random.Generator, days: int) -> Wo
 
 
 def worlds(kind: str, seed: int, days: int) -> list[World]:
-    """Worlds of a kind, the same for the same seed.
+    """Return the worlds of a kind; a seed always gives the same worlds.
 
     Parameters
     ----------
     kind : str
-        One of :data:`KINDS`: what is chosen may look at those of development only.
+        One of :data:`KINDS`. Choices may be based on the worlds of development only.
     seed : int
     days : int
-        Of each world; fewer than a few dozen do not cover all delays.
+        Days of each world. Fewer than a few dozen do not cover all delays.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def worlds(kind: str, seed: int, days: int) -> list[World]:
     Raises
     ------
     ConfigError
-        For another kind.
+        If there is no such kind.
     """
     return list(_worlds(kind, seed, days))
 
@@ -274,16 +274,17 @@ def worlds(kind: str, seed: int, days: int) -> list[World]:
 def random_worlds(
     seeds: range, days: int, rough: bool = False
 ) -> list[tuple[World, PosteriorSettings, dict[str, Any]]]:
-    """Pools of the exam with nothing hidden, the settings that `rivid bounds` proposes, and the factors.
+    """Return exam pools without hidden effects, the settings proposed by `rivid bounds`, and the factors.
 
     Parameters
     ----------
     seeds : range
-        Of the exam's worlds; rivers and worlds that no operators hold are left out.
+        Seeds of the exam's worlds. Rivers, and worlds with operators that do not hold the level, are left
+        out.
     days : int
-        Of each world.
+        Days of each world.
     rough : bool
-        The gauge has 10 mm of white noise and steps of 20 mm.
+        Whether the gauge has 10 mm of white noise and a resolution of 20 mm.
     """
     found = []
     for seed in seeds:

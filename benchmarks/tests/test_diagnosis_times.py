@@ -1,4 +1,4 @@
-"""What the benchmark of the diagnosis counts and times."""
+"""Test the counts and times of the benchmark of the diagnosis."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +20,7 @@ class Reach:
 
 def test_time_counts_for_the_part_at_work_and_simulations_by_their_days(monkeypatch):
     for name in ("baseline", "fit"):
-        monkeypatch.setattr(Reach, name, getattr(Reach, name))  # undone at the end
+        monkeypatch.setattr(Reach, name, getattr(Reach, name))  # restored at the end
     monkeypatch.setattr(diagnosis, "PARTS", {"water": ((Reach, "baseline"),), "noise": ((Reach, "fit"),)})
     monkeypatch.setattr(diagnosis, "RUNS", ((Reach, "baseline"),))
     began = time.perf_counter()

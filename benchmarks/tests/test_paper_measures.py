@@ -1,4 +1,4 @@
-"""What the paper page is measured by."""
+"""Test the measures of the paper page."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_the_slope_reading_costs_nothing_for_two_level_responses():
 
 
 def slow_search(target, columns, u_f, d_max=15):
-    """Least squares for each candidate, column by column."""
+    """Return the least-squares solution of each candidate, column by column."""
     cost = []
     for d in range(1, d_max + 1):
         late = np.r_[np.zeros(d + 1), u_f[: -d - 1]]
@@ -95,7 +95,7 @@ def test_the_search_with_a_ramp_is_least_squares_with_two_more_columns(approach)
 def test_an_unbalanced_first_sample_misleads_the_direct_approach_and_a_ramp_repairs_it():
     w = reach_alone(world(), noise=0.001)
     assert direct(w.inflow, w.outflow, w.level).delay.tolist() == w.truth.tolist()
-    ramp = 5.0 * 133 / 6.7e5 * np.arange(w.u.shape[1])  # 5 m3/s more come than the first sample says
+    ramp = 5.0 * 133 / 6.7e5 * np.arange(w.u.shape[1])  # the inflow is 5 m3/s larger than the first sample
     tilted = World(w.inflow, w.outflow, w.level + ramp, w.truth, w.truth)
     assert np.mean(direct(tilted.inflow, tilted.outflow, tilted.level).delay == w.truth) < 0.5
     assert with_ramp(tilted, "direct").tolist() == w.truth.tolist()

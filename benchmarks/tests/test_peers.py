@@ -1,4 +1,4 @@
-"""The peers of the benchmark: each right where anyone should be, and each the method that its name says."""
+"""Test that the peers are right on easy days, and that each is the method of its name."""
 
 from itertools import combinations
 
@@ -32,7 +32,7 @@ HERE = installed()
 
 @pytest.fixture(autouse=True)
 def one_thread():
-    """Threads on matrices this small cost a hundred times what they compute."""
+    """Use one thread: on matrices this small, threads cost a hundred times the computation."""
     with threadpool_limits(1):
         yield
 

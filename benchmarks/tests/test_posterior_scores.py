@@ -1,4 +1,4 @@
-"""The worlds and the counting behind docs/accuracy_posterior.md."""
+"""Test the worlds and scores of docs/accuracy_posterior.md."""
 
 import numpy as np
 import pytest

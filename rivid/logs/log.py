@@ -529,7 +529,7 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
     elif columns.offset is not None:
         return dt.timezone(dt.timedelta(seconds=columns.offset))
     else:
-        why = "its times have several UTC offsets: set the zone whose days are meant,"
+        why = "its times have several UTC offsets: set the zone of the days,"
     raise UndeclaredError(
         f'{name}: {why} for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles" ("Etc/GMT+8" '
         "is 8 h behind UTC)"

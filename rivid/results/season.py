@@ -74,8 +74,8 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     river = record["config"]["reach"]["kind"] == "river"
     if not river and not record["config"]["input"].get("u_Qo"):
         raise ConfigError(
-            f"{out} is of a pool whose outflow is not logged (input.u_Qo): its days all err in the same way, "
-            "and joined they would be surer than right: log the outflow, or keep to posterior"
+            f"{out} is of a pool, and its outflow is not logged (input.u_Qo): all its days have the same "
+            "error, and joined they would be surer than right: log the outflow, or use posterior alone"
         )
     try:
         delays, posterior = (

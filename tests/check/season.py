@@ -1,4 +1,4 @@
-"""Simulated days without faults, one function for each fault, and the finding that it must give."""
+"""Simulated days without faults, functions that add one fault each, and a check of the finding."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,28 +17,28 @@ NAMES = {"inflow": "u_Qi", "outflow": "u_Qo", "output": "h_L"}
 
 
 def reach_of(season):
-    """The configuration that goes with a simulated season."""
+    """Return the configuration of a simulated season."""
     reach = season.scenario.reach
     keys = ("name", "surface_area", "length", "width", "depth", "sample_time", "discharge_range")
     return parse({"reach": {key: getattr(reach, key) for key in keys}}, Config)
 
 
 def days_of(season):
-    """Its days, as they are read."""
+    """Return the days of a season as they are read."""
     columns = zip(season.dates, season.inflow, season.outflow, season.level, strict=True)
     return [DataSet(date, u, o, h, 0, "") for date, u, o, h in columns]
 
 
 @cache
 def sound(n=40, scenario="intermittent", seed=3):
-    """Days of a pool without faults, and their configuration."""
+    """Return days of a pool without faults, and their configuration."""
     loaded = load_scenario(f"configs/scenarios/{scenario}.toml")
     season = simulate(loaded.model_copy(update={"days": n, "missing_days": 0}), seed)
     return tuple(days_of(season)), reach_of(season)
 
 
 def the_one(days, config, code, wrong=True, when=None, **values):
-    """Check that there is one finding, with this code, these days and these values; copies are ignored."""
+    """Check that there is one finding, with this code, these days and values; copies are ignored."""
     found = [one for one in check_days(days, config) if one.kind != "copy" or code.startswith("copy")]
     assert [one.code for one in found] == [code]
     (finding,) = found
@@ -50,7 +50,7 @@ def the_one(days, config, code, wrong=True, when=None, **values):
 
 
 def changed(days, names, change, among=slice(None)):
-    """Columns changed on all days or some; `change` takes and returns all samples of a column."""
+    """Return the days with columns changed on all days or some; `change` takes and returns a whole column."""
     n, touched = len(days[0].inflow), set(range(len(days))[among])
     for name in names:
         whole = change(np.concatenate([getattr(day, name) for day in days]))
@@ -62,12 +62,12 @@ def changed(days, names, change, among=slice(None)):
 
 
 def scaled(days, factor, *names, among=slice(None)):
-    """Columns in another unit."""
+    """Return the days with columns in another unit."""
     return changed(days, names, lambda x: x * factor, among)
 
 
 def late(days, seconds, name, step=STEP, among=slice(None), per_day=0.0):
-    """A column with late stamps (its clock is fast), by a number of seconds, or by more each day."""
+    """Return the days with a column stamped late (its clock is fast), by `seconds`, or by more each day."""
     n = len(days[0].inflow)
 
     def shifted(x):
@@ -78,12 +78,12 @@ def late(days, seconds, name, step=STEP, among=slice(None), per_day=0.0):
 
 
 def redated(days, by, name, among=slice(None)):
-    """A column with dates `by` days too late."""
+    """Return the days with the dates of a column `by` days late."""
     return changed(days, [name], lambda x: np.roll(x, by * len(days[0].inflow)), among)
 
 
 def held(days, k, first, last):
-    """A gauge that stands still on a day from one hour to another."""
+    """Return the days with a gauge that is stuck on day k from one hour to another."""
 
     def still(x):
         a, b = (k * len(days[0].inflow) + round(hour * 3600 / STEP) for hour in (first, last))
@@ -94,7 +94,7 @@ def held(days, k, first, last):
 
 
 def raised(days, k, hour, by, samples=None):
-    """A gauge that reads too much from an hour of a day on, for a number of samples or to the end."""
+    """Return the days with a gauge that reads too high from an hour of day k, for `samples` or always."""
 
     def higher(x):
         at = k * len(days[0].output) + round(hour * 3600 / STEP)

@@ -1,4 +1,4 @@
-"""Clocks that are off, and columns that are exchanged, are found with the column, the offset and the days."""
+"""Test that clock errors and exchanged columns are found with the column, the offset and the days."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def test_dates_that_are_a_day_off(column, by):
     days, config = sound(30)
     wrong = redated(days, by, column, among=slice(10, 25))
     finding = the_one(wrong, config, "dates", column=NAMES[column], sense="late" if by > 0 else "early")
-    # a day with a shifted neighbour may fit either way
+    # a day with a shifted neighbour may match both states
     assert set(finding.days) <= {day.date for day in days[9:26]} and len(finding.days) >= 12
 
 
@@ -78,7 +78,7 @@ def test_a_constant_inflow_is_not_exchanged_with_the_outflow(n):
 
 
 def test_a_river_with_exchanged_ends_or_a_clock_that_is_an_hour_off_from_a_date_on():
-    """An inflow with a daily peak, routed through eight reservoirs of half an hour each."""
+    """Use an inflow with a daily peak, routed through eight reservoirs of half an hour each."""
     n, rng = 40, np.random.default_rng(5)
     inflow = (
         300 + 80 * np.sin(2 * np.pi * np.arange(96 * n) / 96) + np.repeat(40 * rng.normal(size=8 * n), 12)

@@ -1,4 +1,4 @@
-"""`rivid check` as a function and as a command: text and JSON, of one reach and of a fleet."""
+"""Test `rivid check` as a function and as a command: text and JSON, for one reach and for a fleet."""
 
 import datetime as dt
 import json
@@ -53,7 +53,7 @@ def test_each_day_has_its_reason(tmp_path):
 
 def test_days_in_the_future(tmp_path):
     write_days(tmp_path, 4)
-    assert check(tmp_path, config(), today=dt.date(2008, 3, 12)).findings == []  # it may be tomorrow there
+    assert check(tmp_path, config(), today=dt.date(2008, 3, 12)).findings == []  # tomorrow in some zone
     (finding,) = check(tmp_path, config(), today=dt.date(2008, 3, 10)).findings
     assert finding.kind == "future" and list(finding.days) == [dt.date(2008, 3, 12), dt.date(2008, 3, 13)]
 
@@ -77,7 +77,7 @@ def test_no_logs_and_columns_that_no_log_has_are_errors(tmp_path):
 def test_a_fault_of_many_days_or_files_is_one_line(tmp_path):
     for k, date in enumerate(write_days(tmp_path, 12)):
         lines = rows(date)
-        if 5 <= k < 9:  # each torn at another row
+        if 5 <= k < 9:  # each file is truncated at another row
             lines = lines[: 300 + k]
         for line in lines:
             line[1] = f"{float(line[1]) * 35.3147:.6g}"

@@ -1,4 +1,4 @@
-"""Sound logs give no finding: seasons of every kind of reach, with every natural effect."""
+"""Test that sound logs give no finding: seasons of every kind of reach, with every natural effect."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ SCENARIOS = sorted(path for path in Path("configs/scenarios").rglob("*.toml"))
 
 
 def alarms(paths, seeds, n):
-    """The number of seasons, and their findings."""
+    """Return the number of seasons, and their findings."""
     count, found = 0, []
     for path in paths:
         scenario = load_scenario(path)
@@ -67,7 +67,7 @@ def test_the_sample_data_give_no_finding(tried, logs, config):
 
 
 def test_an_unlogged_bypass_opens_the_balance_of_its_days():
-    """It really ran then, as the greater part of the release."""
+    """The bypass ran on these days, as the larger part of the release."""
     report = check(Path("sample_data/glen_canyon"), load_config(Path("configs/glen_canyon_bypass.toml")))
     (finding,) = report.findings
     assert finding.code == "balance.flows" and finding.values["small"] == "u_Qi"

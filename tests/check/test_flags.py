@@ -1,4 +1,4 @@
-"""Flags of single values, and jumps that the maintenance of the gauge explains."""
+"""Test flags of single values, and jumps that the maintenance of the gauge explains."""
 
 import csv
 import datetime as dt

@@ -1,4 +1,4 @@
-"""Values that are not measured: a gauge that is stuck or jumps, copies, constant flows, lost digits."""
+"""Test values that are not measured: a stuck or jumping gauge, copies, constant flows, lost digits."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ def with_day(days, k, **columns):
 
 
 def only_item(finding):
-    """The one event of the one day of a finding."""
+    """Return the only event of the only day of a finding."""
     ((item,),) = (of_day["items"] for of_day in finding.days.values())
     return item
 
@@ -78,7 +78,7 @@ def test_a_spike():
 
 
 def test_a_gate_that_moves_much_makes_no_jump():
-    """In a pool of Saint-Venant's equations the level at the dam falls at once, by a decimetre."""
+    """In a pool of Saint-Venant the level at the dam falls at once, by a decimetre."""
     days, config = sound(12, "hydraulic_short")
     assert max(float(np.abs(np.diff(day.output)).max()) for day in days) > 0.08
     assert check_days(days, config) == []

@@ -1,4 +1,4 @@
-"""Spacing of rows against sample_time; nights on which the clock of the logger changes."""
+"""Test the spacing of rows against sample_time, and nights on which the clock of the logger changes."""
 
 import datetime as dt
 
@@ -62,7 +62,7 @@ def test_rows_at_irregular_times_are_one_finding(tmp_path, sample_time, found):
         at = [dt.datetime.combine(date, dt.time()) + dt.timedelta(seconds=300 * k) for k in range(288)]
         lines = []
         for column in (1, 2, 3):
-            for k in range(288):  # 3 to 7 min apart
+            for k in range(288):  # intervals of 3 to 7 min
                 late = dt.timedelta(seconds=int(rng.integers(-60, 61)) if k else 0)
                 cells = [each[k][c] if c == column else "" for c in (1, 2, 3)]
                 lines.append([f"{(at[k] + late).isoformat()}+01:00", *cells])

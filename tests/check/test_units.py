@@ -1,4 +1,4 @@
-"""Columns in another unit, and open balances, are found with their factor and their days."""
+"""Test that columns in another unit, and open balances, are found with their factor and their days."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def three_weeks():
 
 
 def configured(config, section, **keys):
-    """A configuration with keys of a section changed."""
+    """Return a configuration with keys of a section changed."""
     return config.model_copy(update={section: getattr(config, section).model_copy(update=keys)})
 
 
@@ -83,7 +83,7 @@ def test_an_area_or_a_bed_level_that_does_not_fit():
 
 
 def test_a_length_ten_times_too_short_is_found_by_the_area():
-    days, config = sound(scenario="hydraulic")  # its lags are shorter than what a wave may take over 820 m
+    days, config = sound(scenario="hydraulic")  # its lags are shorter than those of a wave over 820 m
     short = configured(config, "reach", length=820)
     the_one(days, short, "reach.area", product=approx(820 * 81.6), area=approx(6.7e5))
     keys = config.reach.model_dump(exclude={"surface_area"}, exclude_unset=True)

@@ -1,4 +1,4 @@
-"""The command in this process, and a place that looks like the project's root."""
+"""Fixtures: the command in this process, and a directory like the project's root."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def rivid():
-    """Run a command; click's result, and `code` with it: that of the process."""
+    """Return a function that runs a command and returns click's result, with `code`, the exit code."""
 
     def run(*words, **more):
         result = CliRunner().invoke(cli, [str(w) for w in words], standalone_mode=False, **more)
@@ -30,7 +30,7 @@ def rivid():
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """The current directory, with all that examples name."""
+    """Set the current directory to one with all files that the examples name."""
     place = tmp_path / "project"
     place.mkdir()
     for name in ("sample_data", "configs", "tests"):

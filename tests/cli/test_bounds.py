@@ -1,4 +1,4 @@
-"""`rivid bounds`: the proposal, the keys that it lacks, and the limit of the order."""
+"""Test `rivid bounds`: the proposal, missing keys, and the limit of the order."""
 
 import json
 import re
@@ -51,7 +51,7 @@ def test_an_order_beyond_the_limit_is_not_proposed(rivid, settings):
 
 
 def test_a_long_response_is_cut_to_the_longest_order_and_asks_for_longer_data_sets(rivid, settings):
-    path = settings(120_000)  # d_max = 714: twice that is beyond the limit
+    path = settings(120_000)  # d_max = 714: twice that is above the limit
     proposed = rivid("bounds", "--config", path, "--toml").stdout
     assert "order = 1000" in proposed and "[run] window_days = 2" in proposed
     path.write_text(path.read_text() + proposed)
@@ -60,7 +60,7 @@ def test_a_long_response_is_cut_to_the_longest_order_and_asks_for_longer_data_se
 
 
 def test_samples_longer_than_the_travel_time_are_reported(rivid, settings):
-    """Hourly logs of a wave of 18 min gave "1 to 2 h" without a remark."""
+    """Hourly logs with a wave of 18 min once gave "1 to 2 h" without a remark."""
     path = settings()
     for sample_time, coarse in ((60, False), (3600, True)):
         path.write_text(f"{REACH.format(9000)}".replace("= 60", f"= {sample_time}"))

@@ -1,4 +1,4 @@
-"""Completion with Tab, its imports, and the scripts for the shells."""
+"""Test completion with Tab, its imports, and the scripts for the shells."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ HEAVY = {"numpy", "pandas", "matplotlib", "scipy", "pyarrow", "pydantic"}
 
 
 def complete(*words, cwd=None):
-    """The completions of the last word, and the modules that were loaded."""
+    """Return the completions of the last word, and the loaded modules."""
     given = {"COMP_WORDS": " ".join(("rivid", *words)), "COMP_CWORD": str(len(words))}
     env = os.environ | given | {"_RIVID_COMPLETE": "bash_complete"}
     call = [sys.executable, "-X", "importtime", "-c", "from rivid.cli import main; main()"]

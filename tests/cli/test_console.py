@@ -1,4 +1,4 @@
-"""Terminal output: eighty columns, colour on terminals only, less with --quiet, more with --verbose."""
+"""Test terminal output: eighty columns, colour on terminals only, less with --quiet, more with --verbose."""
 
 import json
 import re
@@ -158,8 +158,8 @@ def test_colour_is_for_terminals_without_no_color(rivid, logs, tmp_path, monkeyp
     words = ("run", logs, "--out", tmp_path / "out", "--no-figures")
     for name in ("NO_COLOR", "TERM"):
         monkeypatch.delenv(name, raising=False)
-    assert ANSI not in rivid(*words).output  # no terminal
-    assert ANSI in rivid(*words, color=True).output  # as on one
+    assert ANSI not in rivid(*words).output  # not a terminal
+    assert ANSI in rivid(*words, color=True).output  # as on a terminal
     for name, value in (("NO_COLOR", "1"), ("TERM", "dumb")):
         with monkeypatch.context() as patch:
             patch.setenv(name, value)
@@ -193,7 +193,7 @@ def test_removed_estimators_and_settings_for_another_sample_time_are_named(rivid
 
 
 def test_the_option_estimator_leaves_the_geometry_assumed(rivid, logs, tmp_path):
-    """All keys of [reach] counted as configured: Table I's geometry put delays of other reaches in doubt."""
+    """Once all keys of [reach] counted as configured: Table I put delays of other reaches in doubt."""
     for words in ((), ("--estimator", "jmap")):
         assert rivid("run", logs, "--out", tmp_path / "out", "--no-figures", *words).code == 0
         record = json.loads((tmp_path / "out" / "run.json").read_text())

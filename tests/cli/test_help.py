@@ -1,4 +1,4 @@
-"""Every --help: one name and wording for one thing, and examples that run as they are written."""
+"""Test every --help: the same name and wording for the same thing, and examples that run as written."""
 
 import datetime as dt
 import importlib
@@ -19,7 +19,7 @@ FIRST = ["config", "out"]
 LAST = ["first", "last", "workers", "dry_run", "as_json", "quiet", "verbose", "today"]
 FAST = ("bounds", "completion", "effects", "sniff")
 SLOW = ("check", "ingest", "simulate")
-"""Commands with examples that are run here; those of the others are parsed."""
+"""Commands with examples that are run here; the examples of the others are parsed."""
 
 
 def help_of(rivid, name=None):
@@ -27,7 +27,7 @@ def help_of(rivid, name=None):
 
 
 def examples(text):
-    """The commands in the indented sections, continued lines joined."""
+    """Return the commands in the indented sections, with continued lines joined."""
     lines = text.replace("\\\n", " ").splitlines()
     return [line.strip() for line in lines if line.startswith("    rivid ")]
 
@@ -47,7 +47,7 @@ def test_a_help_fits_eighty_columns_and_its_examples_use_existing_options_and_fi
     found = [words_of(line) for line in examples(text)]
     assert name is None or any(words[0] == name for words in found)
     for words in found:
-        OF[words[0]].make_context(words[0], words[1:])  # raises for what does not exist
+        OF[words[0]].make_context(words[0], words[1:])  # raises for an unknown option
         for word in words[1:]:
             if "/" in word and not re.fullmatch(
                 r"\d+/\d+|[A-Z]\w+/\S+|\S+://\S+", word

@@ -1,4 +1,4 @@
-"""rivid.toml, found from DATA_DIR upward; and OUT from it."""
+"""Test the search for rivid.toml from DATA_DIR upward, and the default of OUT."""
 
 import json
 import os
@@ -26,7 +26,7 @@ def days(tmp_path_factory):
 
 @pytest.fixture
 def logs(days, tmp_path, monkeypatch):
-    """DATA_DIR two directories below the current one, which is the home directory."""
+    """Return DATA_DIR, two directories below the current one, which is the home directory."""
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     return Path(shutil.copytree(days, tmp_path / "reach" / "logs"))

@@ -1,4 +1,4 @@
-"""The command as a process: alone, mistyped, cut off, interrupted, with closed streams."""
+"""Test the command as a process: alone, misspelt, truncated, interrupted, with closed streams."""
 
 import os
 import re
@@ -105,7 +105,7 @@ def test_a_run_that_is_ended_prints_one_line(tmp_path):
 
 
 def handles(child, number):
-    """Whether a process has a handler for a signal."""
+    """Return whether a process has a handler for a signal."""
     mask = re.search(r"SigCgt:\s*(\w+)", Path(f"/proc/{child.pid}/status").read_text())[1]
     return int(mask, 16) >> (number - 1) & 1
 
@@ -114,7 +114,7 @@ def test_another_command_that_is_interrupted_keeps_nothing(tmp_path):
     scenario = ROOT / "configs" / "scenarios" / "cascade.toml"
     words = [*REAL, "simulate", str(scenario), "--out", str(tmp_path / "logs")]
     child = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
-    assert wait_until(lambda: handles(child, signal.SIGALRM))  # and with it SIGINT
+    assert wait_until(lambda: handles(child, signal.SIGALRM))  # and with it for SIGINT
     time.sleep(0.1)
     assert child.poll() is None
     child.send_signal(signal.SIGINT)

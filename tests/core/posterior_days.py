@@ -1,10 +1,10 @@
-"""Small days whose delay is known: a store, and a pool in which a wave moves the level at once."""
+"""Small days of known delay: a store, and a pool with a jump of the level as the wave arrives."""
 
 import numpy as np
 
 
 def commands(rng, n, N):
-    """Held steps of the inflow, and operators who follow it late and in steps."""
+    """Draw held steps of the inflow, and an outflow that follows it late and in steps."""
     steps = rng.normal(size=(n, N)) * (rng.random((n, N)) < 0.15) * 15
     u = 300 + np.cumsum(steps, axis=1).round()
     o = np.empty_like(u)
@@ -15,7 +15,7 @@ def commands(rng, n, N):
 
 
 def shifted(u, place):
-    """u[t - place], held between samples and averaged over each sample, so that ``place = d + 1 - w``."""
+    """Return u[t - place], held between samples and averaged over each one; ``place = d + 1 - w``."""
     d = int(np.floor(place))
     w = d + 1 - place
     v = np.empty_like(u)
@@ -26,7 +26,7 @@ def shifted(u, place):
 
 
 def linear_days(n, seed, N=600, place=None, noise=0.003, weather=1.0):
-    """Integrator (8) with gauge noise and a drifting unlogged inflow; gives u, y, o and the travel times."""
+    """Simulate (8) with gauge noise and a drifting unlogged inflow; return u, y, o and the travel times."""
     rng = np.random.default_rng(seed)
     u, o = commands(rng, n, N)
     places = rng.uniform(2.0, 7.0, n) if place is None else np.full(n, place)
@@ -41,7 +41,7 @@ def linear_days(n, seed, N=600, place=None, noise=0.003, weather=1.0):
 
 
 def wave_days(n, seed, N=600, place=None, noise=0.002):
-    """A pool of first order whose level jumps as the front arrives."""
+    """Simulate a pool of first order with a level that jumps as the front arrives."""
     rng = np.random.default_rng(seed)
     u, o = commands(rng, n, N)
     places = rng.uniform(2.0, 7.0, n) if place is None else np.full(n, place)

@@ -1,4 +1,4 @@
-"""Small rivers whose travel time is known: a gamma response, flows that step, drifting springs, noise."""
+"""Small rivers of known travel time: a gamma response, steps of the flow, drifting springs, noise."""
 
 import numpy as np
 from scipy.stats import gamma
@@ -7,7 +7,7 @@ WARM = 96
 
 
 def river_windows(n, seed, days=3, shape=20.0, noise=0.3, gain=1.0, t50=None):
-    """u, y of shape (n, WARM + 96 days), and t50 [samples]."""
+    """Return u, y of shape (n, WARM + 96 days), and t50 [samples]."""
     rng = np.random.default_rng(seed)
     N = 300 + WARM + 96 * days
     t50 = rng.uniform(4.0, 28.0, n) if t50 is None else np.full(n, t50)

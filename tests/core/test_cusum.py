@@ -1,4 +1,4 @@
-"""CUSUM against a loop over single numbers, a brute-force search for the onset, and the exact run lengths."""
+"""Test CUSUM against a scalar loop, a brute-force search for the onset, and the exact run lengths."""
 
 import statistics
 from dataclasses import fields
@@ -15,14 +15,14 @@ from tests import examples
 
 
 def rough_firs(n, M=30, seed=0, jump=4.0):
-    """Impulse responses that jump upwards somewhere, with noise."""
+    """Return impulse responses with an upward jump, and noise."""
     rng = np.random.default_rng(seed)
     d = rng.integers(2, 14, n)
     return -5.0 + jump * (np.arange(M) > d[:, None]) + rng.normal(size=(n, M)), d
 
 
 def plain(h, s):
-    """One day, one coefficient after the other: delay, g, alarm."""
+    """Compute one day, one coefficient after the other: delay, g, alarm."""
     h = [float(x) for x in h]
     steps = [h[k] - h[k - 1] for k in range(2, len(h))]
     middle = statistics.median(steps)
@@ -65,7 +65,7 @@ def test_it_is_the_loop_over_single_numbers(changes, seed):
 
 
 def test_the_onset_is_the_most_likely_start_of_what_raised_the_alarm():
-    # of all starts j, the one with the largest sum of excesses from j + 1 to the alarm
+    # of all starts j, select the largest sum of excesses from j + 1 to the alarm
     fir, _ = rough_firs(80, jump=2.0)
     found = cusum(fir, mean=-5.0, sd=1.0, drift=1.0, threshold=3.0, d_max=27)
     z = fir + 5.0 - 1.0
@@ -95,7 +95,7 @@ def test_false_alarms_come_as_often_as_the_exact_run_lengths_predict():
 
 
 def test_the_scatter_is_that_of_the_noise_for_any_jump():
-    # for normal noise the estimate is right on average but for its small-sample bias
+    # for normal noise the estimate is unbiased except for its small-sample bias
     sd = [cusum(rough_firs(3000, M=200, seed=1, jump=j)[0]).sd for j in (0.0, 3.0, 1e3)]
     for values in sd:
         assert abs(values.mean() - 1.0) < 0.03

@@ -1,4 +1,4 @@
-"""ML and MAP against scipy's general least squares."""
+"""Test ML and MAP against scipy's general least squares."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tests.core.transcription import second_differences, toeplitz_matrix
 
 
 def days(n, N=200, seed=0):
-    """Random-walk inputs, and outputs of a decaying response with noise."""
+    """Return random-walk inputs, and outputs of a decaying response with noise."""
     rng = np.random.default_rng(seed)
     u = np.cumsum(rng.normal(size=(n, N)), axis=1)
     u -= u[:, :1]

@@ -1,4 +1,4 @@
-"""Section II: numbers of the paper, and exact limits."""
+"""Test section II: numbers of the paper, and exact limits."""
 
 import numpy as np
 import pytest

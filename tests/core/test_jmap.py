@@ -1,4 +1,4 @@
-"""JMAP against the transcription of Tables V and VI, and what must hold for any data."""
+"""Test JMAP against the transcription of Tables V and VI, and its properties for any data."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ PER_DAY = ("delay", "fir", "alpha", "noise_variance", "roughness_variance", "cri
 
 
 def season(n, seed=0, noise=0.003):
-    """Held commands in steps, a response with two jumps (10), drift and gauge noise; the true delays."""
+    """Return held commands, a response with two jumps (10), drift and gauge noise; and the true delays."""
     rng = np.random.default_rng(seed)
     steps = rng.normal(size=(n, N)) * (rng.random((n, N)) < 0.1) * 15
     u = np.cumsum(steps, axis=1).round()
@@ -149,7 +149,7 @@ def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
     compared = 0
     for i in range(len(u)):
         d, _, _, s_w, s_h, _ = table_vi(u[i], y[i], 30, range(1, 16), inverse_gamma=False, most=4)
-        if s_w / s_h < 1e8:  # beyond it the plain solution has too few digits to compare with
+        if s_w / s_h < 1e8:  # above this ratio the plain solution has too few digits for a comparison
             assert result.alpha[i] == pytest.approx(s_w / s_h, rel=1e-3)
             assert result.delay[i] == d
             compared += 1

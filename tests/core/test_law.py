@@ -1,4 +1,4 @@
-"""The law against scipy, against known laws with related days, and what it refuses."""
+"""Test the law against scipy, against known laws with correlated days, and its refusals."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ T0, B, Q0 = 7.5, 0.3, 280.0
 
 
 def related(rng, n, memory):
-    """An AR(1) of unit variance."""
+    """Return an AR(1) process of unit variance."""
     rho = np.exp(-1.0 / memory) if memory else 0.0
     shocks = rng.standard_normal(n + 200)
     return lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks)[200:]
 
 
 def river(seed, n=330, memory=8.0, scatter_memory=3.0, own=(0.01, 0.05), wrong=0.0):
-    """Days of a known law: discharge and scatter are related from day to day; some days are wrong."""
+    """Return days of a known law: discharge and scatter are correlated between days; some days are wrong."""
     rng = np.random.default_rng(seed)
     Q = Q0 * np.exp(0.5 * related(rng, n, memory))
     sd = rng.uniform(*own, n)
@@ -87,7 +87,7 @@ def test_a_known_law_is_found_and_its_intervals_hold_it(n, scatter_memory, wrong
         bands = [law.delay(Q) for law in laws]
         at[f"{Q:.0f} m3/s"] = [low <= truth <= high for _, low, high in bands]
     for name, held in at.items():
-        # within its Monte Carlo error; what few and related blocks cost may not pass 0.03
+        # within its Monte Carlo error; the loss by few and correlated blocks may be 0.03 at most
         assert 0.9 - 0.03 - 3.0 * error < np.mean(held) < 0.9 + 0.03 + 3.0 * error, (name, np.mean(held))
 
 
@@ -117,7 +117,7 @@ def test_the_table_holds_all_days_and_follows_the_law():
     np.testing.assert_allclose(table.observed, table.delay, rtol=0.05)
     middle, low, high = law.delay(table.discharge)
     for got, want in ((middle, table.delay), (low, table.low), (high, table.high)):
-        np.testing.assert_allclose(got, want, rtol=2e-3)  # of a median of logarithms, and of the median
+        np.testing.assert_allclose(got, want, rtol=2e-3)  # a median of logarithms is compared with the median
 
 
 def test_the_band_of_a_day_holds_the_delays_of_days():
@@ -128,7 +128,7 @@ def test_the_band_of_a_day_holds_the_delays_of_days():
         true = T0 * (Q / Q0) ** -B * np.exp(0.03 * student.rvs(4.0, size=400, random_state=rng))
         table = delay_law(Q, true).table
         row = np.searchsorted(table.discharge_high, Q)
-        scale = true * (Q / table.discharge[row]) ** B  # brought to the class's discharge
+        scale = true * (Q / table.discharge[row]) ** B  # converted to the class's discharge
         held.append(np.mean((table.day_low[row] <= scale) & (scale <= table.day_high[row])))
     assert abs(np.mean(held) - 0.9) < 0.015
 

@@ -1,4 +1,4 @@
-"""What p(d | y) answers, what it refuses and why; what it must not depend on."""
+"""Test p(d | y): its answers, its refusals and their reasons, and its invariances."""
 
 import warnings
 
@@ -23,7 +23,7 @@ def same(a, b, rows_a=slice(None), rows_b=slice(None)):
 
 
 def close(a, b, scale=1.0):
-    """Alike but for rounding; the response in units `scale` times larger."""
+    """Check equality except for rounding; the response is in units `scale` times larger."""
     assert (a.status == b.status).all()
     for name in ("probability", "beyond", "delay", "right", "place", "place_low", "place_high", "link"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=2e-4, err_msg=name)
@@ -50,7 +50,7 @@ def test_behind_a_stilling_well_the_half_response_is_later_than_the_front_by_its
     y = well + 0.001 * np.random.default_rng(seed).normal(size=y.shape)  # the sensor is behind the well
     found = posterior(u, y, o)
     assert np.nanmedian(found.half) == pytest.approx(4.5 + lag * np.log(2.0), abs=0.15)
-    assert np.isnan(posterior(u, y).half).all()  # without outflow no lag is seen
+    assert np.isnan(posterior(u, y).half).all()  # without outflow no lag is identifiable
 
 
 @WORLDS
@@ -88,7 +88,7 @@ def test_what_does_not_move_is_unidentifiable_and_has_no_numbers():
     assert not found.in_set[1:3].any() and (found.link[1:3] == 0).all()
     same(found, posterior(u[[0, 3]], y[[0, 3]], o[[0, 3]]), [0, 3])
     u[:] = 300.0
-    u[:, -1] += 10.0  # moves at the end of the day only
+    u[:, -1] += 10.0  # it changes only at the end of the day
     found = posterior(u[[0, 3]], y[[0, 3]], o[[0, 3]])
     assert (found.status == "unidentifiable").all() and np.isnan(found.probability).all()
     assert set(found.message) == {"the inflow moves too little"}

@@ -1,4 +1,4 @@
-"""Days without outflow: evidence against dense likelihoods, calibration, refusals."""
+"""Test days without outflow: evidence against dense likelihoods, calibration, refusals."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ LAGS, FIRST, LAST = 20, 1, 6
 
 
 def dense(u, y, model):
-    """ln p(y) at the best s2 with f and theta in the covariance; mean of f and theta, by dense algebra."""
+    """Return ln p(y) at the best s2 with f and theta in the covariance, and the mean of f and theta."""
     b, length, strength, decay, d, w = model
     a, c = blind_noises()[b]
     n = len(y) - LAGS
@@ -118,7 +118,7 @@ def test_the_front_of_a_wave_is_found_without_the_outflow():
     u, y, _, places = wave_days(24, 5)
     found = posterior_blind(u, y)
     ok = found.status == "ok"
-    # a front at place x moves the level at sample ceil(x): half a sample on either side is right
+    # a front at place x changes the level at sample ceil(x): half a sample on both sides is right
     assert ok.mean() > 0.3
     assert (np.abs(found.place - places - 0.25)[ok] < 0.9).mean() > 0.9
 

@@ -1,4 +1,4 @@
-"""The families of responses against numerical integration of their densities."""
+"""Test the families of responses against numerical integration of their densities."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ from rivid.core.settings import RiverSettings
 
 
 def wave(t, cv):
-    """The density of an inverse Gaussian time of mean 1."""
+    """Return the density of an inverse Gaussian time of mean 1."""
     return invgauss.pdf(t, cv**2, scale=1.0 / cv**2)
 
 
@@ -34,7 +34,7 @@ def step(t, cv):
 
 
 def delayed(t, cv):
-    """Arrived of a wave that is held for an exponential time, by integration over the time held."""
+    """Return the arrived share of a wave held for an exponential time, by integration over that time."""
     value, _ = quad(lambda a: np.exp(-a / HELD_FOR) / HELD_FOR * step(t - a, cv), 0, t, limit=200)
     return value
 
@@ -53,7 +53,7 @@ def test_a_hayami_wave_is_the_integral_of_its_density(cv, t):
 def test_an_exchange_is_a_wave_of_which_a_share_is_held(cv, t):
     arrived, area = exchange(np.array([t]), cv)
     assert arrived[0] == pytest.approx((1 - EXCHANGED) * step(t, cv) + EXCHANGED * delayed(t, cv), abs=1e-7)
-    # the integral of `delayed` from 0 to t, with the order of its two integrals exchanged
+    # the integral of `delayed` from 0 to t, with the two integrations interchanged
     both, _ = quad(lambda x: step(x, cv) * (1 - EXCHANGED * np.exp(-(t - x) / HELD_FOR)), 0, t, limit=200)
     assert area[0] == pytest.approx(both, abs=1e-6)
 

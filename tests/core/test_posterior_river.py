@@ -1,4 +1,4 @@
-"""t50 of small rivers, calibration, refusals."""
+"""Test t50 of small rivers: accuracy, calibration, refusals."""
 
 from itertools import product
 
@@ -89,7 +89,7 @@ def test_a_travel_time_beyond_the_range_is_no_answer(t50):
     p = posterior_river(u, y, RiverSettings(d_max=9))
     assert not (p.status == "ok").any()
     assert np.isnan(p.delay).all()
-    if t50 < 12.0:  # far beyond it, nothing in the range follows the inflow
+    if t50 < 12.0:  # for a much larger t50, nothing in the range follows the inflow
         assert (p.status == "at_bound").all()
         assert (p.message == "the travel time lies above d_max").all()
         assert (p.beyond[:, 1] > 0.5).all()
@@ -125,7 +125,7 @@ GAIN, SD = 1.0, 0.35
 
 
 def dense(y, x, s2):
-    """ln p(y) at one noise variance: the gain normal, then what its cut at zero takes and gives."""
+    """Return ln p(y) at one noise variance: a normal gain, then the correction for its truncation at zero."""
     cov = s2 * np.eye(len(y)) + SD**2 * np.outer(x, x)
     log = multivariate_normal.logpdf(y, GAIN * x, cov)
     variance = 1.0 / (x @ x / s2 + 1.0 / SD**2)

@@ -1,4 +1,4 @@
-"""p(d | y) against brute force: one regression for every day, equation, noise and place of the front."""
+"""Test p(d | y) against brute force: a regression for every day, equation, noise and place of the front."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def delayed(series, k, rows):
 
 
 def regression(name, y, u, o, one, d, w, rows):
-    """Response, regressors (the front's first) of one equation, from prewhitened series of one day."""
+    """Return response and regressors (the front's first) of an equation, from prewhitened series of a day."""
 
     def v(series, lag):
         return w * delayed(series, lag, rows) + (1 - w) * delayed(series, lag + 1, rows)
@@ -42,7 +42,7 @@ def regression(name, y, u, o, one, d, w, rows):
 
 
 def shown(series, lag):
-    """What a gauge behind a lag [samples] shows of a series that began at rest."""
+    """Return the reading of a gauge with a lag [samples] for a series that began at rest."""
     left = np.exp(-1.0 / lag)
     taps = lfilter([1 - (1 - left) * lag, (1 - left) * lag - left], [1, -left], np.eye(1, LAG_TAPS)[0])
     taps[-1] += 1 - taps.sum()
@@ -50,7 +50,7 @@ def shown(series, lag):
 
 
 def slow_models(y, u, o, structure, first, last, n_lags):
-    """Every model of an equation: (log evidence, noise, lag or None, inflow and outflow behind it, d, w)."""
+    """Yield every model of an equation: log evidence, noise, lag or None, lagged inflow and outflow, d, w."""
     kinds = list(noise_bank()[structure.noises])
     where = [(d, w) for d in range(first, last + 1) for w in np.arange(10, 0, -1) / 10]
     models = []
@@ -76,12 +76,12 @@ def slow_models(y, u, o, structure, first, last, n_lags):
 
 
 def whitened(C, *series):
-    """The series and a constant, prewhitened."""
+    """Return the series and a constant, prewhitened."""
     return [None if s is None else lfilter([1.0], C, s) for s in (*series, np.ones(len(series[0])))]
 
 
 def slow_evidence(y, u, o, one, structure, n_kinds, d, w, n_lags):
-    """By QR on the prewhitened rows: -(n/2) ln RSS - (P/2) ln n + ln Phi(t) - ln(kinds)."""
+    """Return -(n/2) ln RSS - (P/2) ln n + ln Phi(t) - ln(kinds), by QR on the prewhitened rows."""
     rows = np.arange(n_lags, len(y))
     response, X = regression(structure.name, y, u, o, one, d, w, rows)
     q, r = np.linalg.qr(X)
@@ -94,8 +94,10 @@ def slow_evidence(y, u, o, one, structure, n_kinds, d, w, n_lags):
 
 
 def slow_is_echo(y, u, o, candidate, n_lags):
-    """Whether a front of a third of the delay, with free coefficients of its echo, is likelier by one
-    regression for each kind of noise and share."""
+    """Return whether a front at a third of the delay, with free coefficients of its echo, is more likely.
+
+    The test is one regression for each kind of noise and share.
+    """
     first, second = structures(True)[:2]
     n, bank = len(y) - n_lags, noise_bank()
     shares = np.arange(10, 0, -1) / 10
@@ -155,7 +157,7 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
 
 
 def echoing_days(n, seed, N):
-    """Pools of first order in which the front comes back, stronger, after three times its travel time."""
+    """Return pools of first order in which the front returns, stronger, after three times its travel time."""
     rng = np.random.default_rng(seed)
     u, o = commands(rng, n, N)
     y = np.zeros_like(u)
@@ -180,15 +182,18 @@ def test_an_echo_is_found_by_a_regression_for_each_candidate_and_is_not_taken_fo
 
 
 def slow_wave_place(travel, gate, s):
-    """Where the front of a wave is found: the share of it that has passed at the next sample is found at the
-    sample before the arrival, the rest a sample later."""
+    """Return the place at which the front of a wave is found.
+
+    The share that has passed at the next sample is found at the sample before the arrival, the rest one
+    later.
+    """
     n, f = divmod(travel, 1.0)
     passed = min((1 - f) / min(gate + s.wave_lag * travel, 1.0), 1.0)
     return passed * n + (1 - passed) * (n + 1)
 
 
 def slow_below(edges, x, store, s):
-    """Distribution function of the travel time at rising edges, for a front at x."""
+    """Return the distribution function of the travel time at rising edges, for a front at x."""
     if store:
         return [expit((edge - x) / s.store_error) for edge in edges]
     first, last = s.d_min - GUARD, s.d_max + GUARD
@@ -201,7 +206,7 @@ def slow_below(edges, x, store, s):
 
 
 def slow_posterior(u, y, o, s):
-    """Weights, places and kinds of every model of a day, by one regression for each."""
+    """Return weights, places and kinds of every model of a day, by one regression for each."""
     first, last = s.d_min - GUARD, s.d_max + GUARD
     y, u, o = y - y[0], u - u[0], o - o[0]
     within, between, places, stores = [], [], [], []

@@ -1,4 +1,4 @@
-"""What must hold of the estimators for any finite input: looked for by hypothesis, not by example."""
+"""Test properties of the estimators that hold for any finite input, with hypothesis."""
 
 import numpy as np
 import pytest
@@ -17,13 +17,13 @@ STATUS = {"ok", "degenerate", "unidentifiable"}
 
 
 def deviations(days):
-    """From each day's first sample: what estimators are given."""
+    """Return the deviations from each day's first sample, the input of the estimators."""
     return days - days[:, :1]
 
 
 @st.composite
 def series(draw, n=N):
-    """A finite series: steps, noise, spikes, a ramp or next to nothing, at any scale and place."""
+    """Draw a finite series: steps, noise, spikes, a ramp or almost nothing, at any scale and offset."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     kind = draw(
         st.sampled_from(["steps", "noise", "spike", "ramp", "one step", "flat", "nearly flat", "two"])
@@ -43,7 +43,7 @@ def series(draw, n=N):
 
 
 def is_complete(answer, days):
-    """Each day has an answer of finite numbers, or the status unidentifiable."""
+    """Check that each day has an answer of finite numbers, or the status unidentifiable."""
     assert set(answer.status.tolist()) <= STATUS
     for i in range(days):
         if answer.status[i] == "unidentifiable":
@@ -78,7 +78,7 @@ def test_any_finite_input_gives_a_result_or_a_reason(name):
 @settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.floats(-12, 12), st.sampled_from([-1.0, 1.0]))
 def test_scaling_y_scales_h_and_leaves_d(seed, power, sign):
-    """Table VI; 1/scale of y on y is one over its square on both variances, nothing on alpha."""
+    """In Table VI, 1/scale of y on y acts as one over its square on both variances, and not on alpha."""
     u, y, _ = season(2, seed)
     scale = sign * 10**power
     plain, scaled = jmap(u, y), jmap(u, scale * y)
@@ -92,7 +92,7 @@ def test_scaling_y_scales_h_and_leaves_d(seed, power, sign):
 @settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(-(2**20), 2**20), st.integers(-(2**20), 2**20))
 def test_adding_a_constant_changes_nothing(seed, to_u, to_y):
-    """Deviations from the day's first sample are what is estimated; numbers here add without rounding."""
+    """Estimators use deviations from the day's first sample; these numbers add without rounding."""
     u, y, _ = season(2, seed)
     y = np.round(y * 2**20) / 2**20
     plain = jmap(deviations(u), deviations(y))
@@ -102,7 +102,7 @@ def test_adding_a_constant_changes_nothing(seed, to_u, to_y):
 
 
 def restful(seed, n=300):
-    """An inflow that begins at rest, so that a sample may be put before it or taken away."""
+    """Return an inflow that begins at rest, so that a sample can be added before it or removed."""
     u = np.cumsum(np.random.default_rng(seed).normal(size=n))
     u[:3] = u[2]
     return u - u[0]
@@ -111,11 +111,11 @@ def restful(seed, n=300):
 @settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(3, 13), st.floats(0.1, 10.0), st.sampled_from([-1, 1]))
 def test_shifting_the_inflow_by_a_sample_shifts_d_by_one(seed, delay, gap, by):
-    """Uniform prior, noise-free, an interior d: with u one sample later, y comes one sample sooner."""
+    """The prior is uniform, without noise, with d interior: with u one sample later, y comes one sooner."""
     u = restful(seed)
     h = np.zeros(30)
-    h[delay + 1 :] = gap * np.linspace(1, 0.2, 30)[: 29 - delay]  # it acts first at lag d + 1 (8)
-    h[28:] = 0.0  # one lag to spare: the shifted response has to fit as well
+    h[delay + 1 :] = gap * np.linspace(1, 0.2, 30)[: 29 - delay]  # it first acts at lag d + 1 (8)
+    h[28:] = 0.0  # a spare lag at the end, for the shifted response
     y = np.convolve(u, h)[:300]
     later = np.r_[0.0, u[:-1]] if by > 0 else np.r_[u[1:], u[-1]]
     assert jmap(u, y, prior="uniform").delay == delay
@@ -125,7 +125,7 @@ def test_shifting_the_inflow_by_a_sample_shifts_d_by_one(seed, delay, gap, by):
 @settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(2, 14), st.floats(0.3, 2.0))
 def test_noise_free_the_delay_is_found(seed, delay, gap):
-    """Operators act at once, the inflow after d: two jumps (10). Next to the first, d = 1 never wins."""
+    """Operators act at once, the inflow after d: two jumps (10). Near the first, d = 1 is never the best."""
     u = restful(seed)
     h = np.r_[0.0, np.linspace(-1.0, -0.4, 29)]
     h[delay + 1 :] += gap

@@ -1,4 +1,4 @@
-"""Settings and arrays that the core refuses, in one line that names what is wrong; and calls without days."""
+"""Test that the core refuses settings and arrays in one line that names the fault; and calls without days."""
 
 import numpy as np
 import pytest

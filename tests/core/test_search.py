@@ -1,4 +1,4 @@
-"""Table IV against plain loops with numpy's least squares, and against reaches whose delay is known."""
+"""Test Table IV against plain loops with numpy's least squares, and against reaches of known delay."""
 
 import itertools
 from dataclasses import fields
@@ -18,13 +18,13 @@ ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
 
 
 def programme(rng, shape):
-    """Flows that step now and then, as hydropeaking does [m3/s]."""
+    """Return flows with occasional steps, as in hydropeaking [m3/s]."""
     moves = (rng.random(shape) < 0.15) * rng.normal(scale=12.0, size=shape)
     return 300.0 + np.cumsum(moves, axis=-1)
 
 
 def open_loop(d, seed, noise, n=3, N=300):
-    """(8) with an outflow independent of the level."""
+    """Simulate (8) with an outflow independent of the level."""
     rng = np.random.default_rng([seed, d])
     u, o = programme(rng, (n, N)), programme(rng, (n, N))
     h = difference_equation(u - u[:, :1], o - o[:, :1], d, ALPHA_I, ALPHA_O)
@@ -33,7 +33,7 @@ def open_loop(d, seed, noise, n=3, N=300):
 
 
 def regulated(d, seed, noise, n=3, N=300):
-    """(10): reach and operators together, v shaped as there."""
+    """Simulate (10): reach and operators together, with v shaped as in (10)."""
     rng = np.random.default_rng([seed, d])
     u = programme(rng, (n, N))
     h = theoretical_fir(N, d, ALPHA_I, ALPHA_O, K_Q, K_H)
@@ -44,12 +44,12 @@ def regulated(d, seed, noise, n=3, N=300):
 
 
 def before(x, k):
-    """x[k] of a signal that is zero before its first sample."""
+    """Return x[k] of a signal that is zero before its first sample."""
     return x[k] if k >= 0 else 0.0
 
 
 def integrated(x):
-    """x^f, sample by sample."""
+    """Return x^f, sample by sample."""
     x_f, total = [], 0.0
     for value in x:
         total += value - x[0]
@@ -58,7 +58,7 @@ def integrated(x):
 
 
 def plain(target, phi, N, delays):
-    """Table IV: J and theta of every candidate; phi(k, d) gives the row."""
+    """Compute Table IV: J and theta of every candidate; phi(k, d) returns the row."""
     J, theta = [], []
     for d in delays:
         rows = np.array([phi(k, d) for k in range(N)])
@@ -87,7 +87,7 @@ def season():
 
 
 def agree(found, loops, i, rtol, theta_rtol):
-    """Whether day i of a result is what plain loops give."""
+    """Check that day i of a result equals the plain loops."""
     J, theta = loops
     np.testing.assert_allclose(found.criterion[i], J, rtol=rtol)
     assert found.delay[i] == found.candidates[np.argmin(J)]

@@ -1,4 +1,4 @@
-"""The season's chain against all of its paths, one by one, and what it promises: steps, missing days."""
+"""Test the season's chain against the enumeration of all paths, and its properties: steps, missing days."""
 
 from itertools import product
 
@@ -12,7 +12,7 @@ from tests import examples
 
 
 def some_days(n, D, seed, sharpness=1.0):
-    """Probabilities of any kind, one day missing."""
+    """Draw arbitrary probabilities, with one day missing."""
     rng = np.random.default_rng(seed)
     p = rng.dirichlet(np.full(D, sharpness), n)
     if n > 2:
@@ -21,7 +21,7 @@ def some_days(n, D, seed, sharpness=1.0):
 
 
 def drifting_days(rng, n=60, D=10, hit=0.7, start=5.5, sd=0.08, step_at=None, step=3.0):
-    """Days that give their delay, or a neighbour's, as often as they say; and the delay."""
+    """Return days that give their delay, or a neighbour's, with the stated frequency; and the delay."""
     x = np.empty(n)
     x[0] = start
     for t in range(1, n):
@@ -30,14 +30,14 @@ def drifting_days(rng, n=60, D=10, hit=0.7, start=5.5, sd=0.08, step_at=None, st
 
 
 def sensed(rng, d, D, hit=0.7):
-    """A sensor of the delay whose likelihood is exact: right with `hit`, else any other."""
+    """Return a sensor of the delay with an exact likelihood: right with `hit`, otherwise any other delay."""
     likelihood = np.full((D, D), (1.0 - hit) / (D - 1)) + np.eye(D) * (hit - (1.0 - hit) / (D - 1))
     seen = np.array([rng.choice(D, p=likelihood[k - 1]) for k in d])
     return likelihood[:, seen].T
 
 
 def by_paths(p, link, flow, d_min, s, both_ways):
-    """Every path of every model, added up; nothing shared with the module but its definition in words."""
+    """Sum over every path of every model; independent of the module except for the definition."""
     n, D = p.shape
     K = PARTS * D
     known = np.isfinite(p).all(axis=1)
@@ -51,7 +51,7 @@ def by_paths(p, link, flow, d_min, s, both_ways):
     edges = d_min + np.arange(K + 1) / PARTS
 
     def emission(t, b):
-        """Share of each point of the grid in each delay."""
+        """Return the share of each point of the grid in each delay."""
         c = (flow[t] / flow[0]) ** -b
         share = np.zeros((K, D))
         for k in range(K):
@@ -66,7 +66,7 @@ def by_paths(p, link, flow, d_min, s, both_ways):
         return inside / inside.sum()
 
     def joint(last):
-        """Mass of (day, delay) of all paths up to the day `last`, and of independence."""
+        """Return the mass of (day, delay) of all paths up to the day `last`, and of independence."""
         found = np.zeros((last, D))
         for b, drift in product(exponents, s.drifts):
             E = [emission(t, b) for t in range(last)]
@@ -149,7 +149,7 @@ def test_a_step_is_followed_on_the_second_day_after_it():
     for seed in range(examples(20)):
         p, d = drifting_days(np.random.default_rng(seed), 40, hit=0.97, sd=0.0, step_at=20)
         late.append(np.argmax(season(p).probability[21]) + 1 != d[21])
-    assert np.mean(late) <= 0.15  # two days, both right with 0.97
+    assert np.mean(late) <= 0.15  # two days, both right with probability 0.97
 
 
 def test_where_the_model_holds_the_probabilities_hold_and_neighbours_help():
@@ -165,7 +165,7 @@ def test_where_the_model_holds_the_probabilities_hold_and_neighbours_help():
             tops.append((q.max(axis=1), np.argmax(q, axis=1) + 1 == d))
     means = [np.log(np.concatenate(part)).mean() for part in (alone, forward, both)]
     assert means[1] > means[0] + 0.3 and means[2] > means[1] + 0.1
-    # of seasons, not days: days of one season share their fortune
+    # the scatter of seasons, not of days: days of one season are correlated
     gap = np.array([right.mean() - top.mean() for top, right in tops])
     assert abs(gap.mean()) < 3.0 * gap.std(ddof=1) / np.sqrt(len(gap)) + 0.01
 

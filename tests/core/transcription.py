@@ -1,7 +1,7 @@
-"""Tables V and VI as the paper prints them, one day and one candidate at a time.
+"""Tables V and VI as printed in the paper, one day and one candidate at a time.
 
-Slow and independent: builds every matrix, forms every residual. The only favour it is granted is that
-U'U is formed once a day. It shares nothing with rivid.core but numpy.
+The code is slow and independent: it builds every matrix and computes every residual. The only optimisation is
+that U'U is computed once a day. It shares nothing with rivid.core except numpy.
 """
 
 import numpy as np
@@ -9,19 +9,19 @@ from scipy.linalg import toeplitz
 
 
 def toeplitz_matrix(u, order):
-    """U of (16)."""
+    """Return U of (16)."""
     return toeplitz(u, np.r_[u[0], np.zeros(order - 1)])
 
 
 def second_differences(order):
-    """D: lower-triangular Toeplitz, first column (1, -2, 1, 0, ...)."""
+    """Return D: lower-triangular Toeplitz, first column (1, -2, 1, 0, ...)."""
     column = np.zeros(order)
     column[:3] = 1.0, -2.0, 1.0
     return toeplitz(column, np.r_[1.0, np.zeros(order - 1)])
 
 
 def jump_matrix(order, d):
-    """D_d (24): the rows whose stencil straddles one of the two jumps are zero."""
+    """Return D_d (24): rows with a stencil across one of the two jumps are zero."""
     D = second_differences(order)
     for row in (0, 1, 2, d + 1, d + 2):
         D[row] = 0.0
@@ -29,7 +29,7 @@ def jump_matrix(order, d):
 
 
 def table_v(u, y, order, delays, alpha):
-    """Delay, FIR and criterion (28) with the uniform prior and a fixed alpha."""
+    """Return delay, FIR and criterion (28) with the uniform prior and a fixed alpha."""
     U = toeplitz_matrix(u, order)
     fits = []
     for d in delays:
@@ -44,7 +44,7 @@ def table_v(u, y, order, delays, alpha):
 def table_vi(
     u, y, order, delays, sigma_d=6.5, d_init=10, epsilon=1e-3, inverse_gamma=True, alpha_cap=np.inf, most=200
 ):
-    """Delay, FIR, criterion (35), both variances and the number of iterations; sigma_d None: uniform."""
+    """Return delay, FIR, criterion (35), variances and number of iterations; sigma_d None: uniform."""
     N, M = len(y), order
     U = toeplitz_matrix(u, M)
     UtU, Uty = U.T @ U, U.T @ y

@@ -1,4 +1,4 @@
-"""Tests of a diagnosis: random cases are few by default, and as many as needed when marked `long`."""
+"""Tests of a diagnosis. Random cases are few by default, and complete when marked `long`."""
 
 import pytest
 

@@ -14,7 +14,7 @@ SURFACE = 6.7e5
 
 
 def record_of(days=20, n=96, kind="pool", gone=(), seed=0, start=START):
-    """Logs with steps by day, a smooth level (or discharge), and a few missing samples."""
+    """Return logs with daily steps, a smooth level (or discharge), and a few missing samples."""
     rng = np.random.default_rng(seed)
     dates = [start + dt.timedelta(days=i) for i in range(days) if i not in gone]
     T_s = 86_400.0 / n
@@ -43,7 +43,7 @@ def record_of(days=20, n=96, kind="pool", gone=(), seed=0, start=START):
 
 
 def evidence_of(record=None, amplitude=6.0, seed=1, **given):
-    """What is left without and with a diurnal inflow of the given amplitude [m3/s]."""
+    """Return the evidence without and with a diurnal inflow of the given amplitude [m3/s]."""
     record = record_of(**given) if record is None else record
     rng = np.random.default_rng(seed)
     shape = record.output.shape
@@ -130,12 +130,12 @@ RANKINGS = {
     ),
     "did_not_hold": ("diurnal_inflow", 0.991, "flow", 0.004, "", 0.003, "gauge", 0.001, "dynamics", 0.001),
 }  # fmt: skip
-"""Explanations of each verdict by their effects, and their probabilities."""
+"""Explanations of each verdict as names of effects, and their probabilities."""
 UNKNOWN = ("flow", "gauge", "dynamics")
 
 
 def ranking_of(verdict):
-    """The ranking of a verdict; its explanations gain as their probabilities say."""
+    """Return the ranking of a verdict; the gains of its explanations follow from their probabilities."""
     words = RANKINGS.get(verdict, ())
     return tuple(
         Ranked(
@@ -150,7 +150,7 @@ def ranking_of(verdict):
 
 
 def gap_of(evidence, steps=(), floor=None, closed=0.97, forecast=None, each=0.38):
-    """Errors of 9, 27 and 62 mm that shrink with each step."""
+    """Return a gap with errors of 9, 27 and 62 mm that decrease with each step."""
     record = evidence.record
     apart = tuple(d for d, sealed in zip(record.dates, evidence.split.sealed, strict=True) if sealed)
     base = np.array([0.0093, 0.0271, 0.0624]) * (1 if record.kind == "pool" else 600)
@@ -171,7 +171,7 @@ def gap_of(evidence, steps=(), floor=None, closed=0.97, forecast=None, each=0.38
 
 
 def diagnosis(verdict, evidence=None, **changes):
-    """An answer for each verdict, as the workflow would give it."""
+    """Return an answer for each verdict, with the structure of the workflow's."""
     ev = evidence_of() if evidence is None else evidence
     reach = {
         "reach_response": "saint-venant",

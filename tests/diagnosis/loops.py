@@ -15,12 +15,12 @@ from rivid.simulation.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 ALIKE = {"feedforward_spread": 0.0, "level_gain_spread": 0.0, "set_point_spread": 0.0}
-"""The same operator in all shifts."""
+"""Habits for which all shifts have the same operator."""
 
 
 @cache
 def season(name, seed, days=60, effects=(), quiet=False, drawdown=0.0, **habits):
-    """A season of a scenario with other settings of its operators."""
+    """Simulate a season of a scenario with other settings of its operators."""
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     changed = {
         "days": days, "missing_days": 0, "first_day": dt.date(2008, 2, 1),
@@ -34,19 +34,19 @@ def season(name, seed, days=60, effects=(), quiet=False, drawdown=0.0, **habits)
 
 
 def record_of(s):
-    """The logs of a season."""
+    """Return the logs of a season."""
     return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, lead=38)
 
 
 def rounded(value, step):
-    """To whole steps, halves to even; as it is where there is none."""
+    """Round to whole steps, halves to even; return the value itself if the step is 0."""
     return value if step == 0.0 else round(value / step) * step
 
 
 def operators_by_hand(
     time, inflow, water, *, aim, gain, trim, band, look, notice, quantum, reading, start, K_Q
 ):
-    """Commands from `start` on, one by one; `water(k, commands)` is the level that the operators see."""
+    """Return the commands from `start` on, one by one; `water(k, commands)` is the level that is read."""
     commands, wanted, at, seen, before = [], start, None, inflow[0], None
     for k, t in enumerate(time):
         level = water(k, commands)
@@ -74,7 +74,7 @@ REGIMES = (
 
 
 def loop_of(record, row=3):
-    """A closed loop that shows a row of a record with a small swing added."""
+    """Return a closed loop that shows a row of a record with a small oscillation added."""
     hour = record.hour[row, record.lead :]
     u, o, h = (v[row, record.lead :] for v in (record.inflow, record.outflow, record.output))
     swing = np.sin(2 * np.pi * hour / 24.0)
@@ -88,6 +88,6 @@ def loop_of(record, row=3):
 
 
 def with_loop(answer, record):
-    """An answer with a closed loop and regimes."""
+    """Return an answer with a closed loop and regimes."""
     gap = None if answer.gap is None else dataclasses.replace(answer.gap, by_regime=REGIMES)
     return dataclasses.replace(answer, gap=gap, closed_loop=loop_of(record))

@@ -1,4 +1,4 @@
-"""Seasons of the linear pool as records, its response, and a fitted model: quick, and exact."""
+"""Seasons of the linear pool as records, its response, and a fitted model: fast and exact."""
 
 import datetime as dt
 from functools import cache
@@ -20,7 +20,7 @@ GAUGE_FLOOR = 0.01 / np.sqrt(12.0)
 
 @cache
 def season(seed, days=25, effects=(), T_s=300.0):
-    """A season of the linear pool as a record."""
+    """Simulate a season of the linear pool as a record."""
     scenario = LINEAR.model_copy(
         update={
             "days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1),
@@ -33,12 +33,12 @@ def season(seed, days=25, effects=(), T_s=300.0):
 
 
 def nominal(record, fronts="none", **others):
-    """The response that made the seasons."""
+    """Return the response that generated the seasons."""
     return LinearPool.nominal(record, fronts, surface_area=6.7e5, delay=950.0, **others)
 
 
 def model_of(record, response=None, effects=()):
-    """A model that is not fitted."""
+    """Return a model without a fit."""
     return Model(
         response or nominal(record), None, record.usual_output, record.usual_flow, GAUGE_FLOOR,
         tuple(effects), ((),) * len(effects),
@@ -46,11 +46,11 @@ def model_of(record, response=None, effects=()):
 
 
 def opened(record):
-    """Days that fit and score."""
+    """Return the days that are used to fit and to score."""
     return ~split(record.dates).sealed
 
 
 @cache
 def explained(record):
-    """The explanation by the response alone."""
+    """Return the explanation by the response alone."""
     return fitted(model_of(record), record, opened(record), steps=4, fresh=1)

@@ -1,4 +1,4 @@
-"""Short seasons of Saint-Venant's water as records, and the response that is their truth."""
+"""Short Saint-Venant seasons as records, and the response that is their truth."""
 
 import datetime as dt
 from dataclasses import replace
@@ -16,13 +16,13 @@ from rivid.simulation.scenario import load_scenario
 
 PLAIN = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "hydraulic.toml")
 DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level - 0.5 * 1.64
-"""Mean depth of the channel: under the dam it is more by half of the fall."""
+"""Mean depth of the channel. At the dam it is larger by half of the fall."""
 GAUGE = 0.0035
 
 
 @cache
 def season(seed, days=6, effects=(), gauge=GAUGE, lag=0.0):
-    """A season without weather, read by a gauge with white noise; effects are (name, key, value)."""
+    """Simulate a season without weather, read by a gauge with white noise; effects are (name, key, value)."""
     level = PLAIN.level.model_copy(update={"noise": gauge, "quantum": 0.0, "lag": lag})
     quiet = PLAIN.weather.model_copy(update={"inflow": 0.0})
     scenario = PLAIN.model_copy(
@@ -37,7 +37,7 @@ def season(seed, days=6, effects=(), gauge=GAUGE, lag=0.0):
 
 
 def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells=32, **others):
-    """The response that made the seasons, or one off it."""
+    """Return the response that generated the seasons, or one with other parameters."""
     made = HydraulicResponse.nominal(
         length, width, depth, PLAIN.level.set_point, sample_time=record.sample_time, flow=record.usual_flow,
         slope=slope, cells=cells, **others,
@@ -46,18 +46,18 @@ def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells
 
 
 def walls(response):
-    """The same reach with vertical banks."""
+    """Return the same reach with vertical banks."""
     steep = [p.name != "bank" for p in response.parameters]
     return response.with_parameters(vector_of(response) * steep)
 
 
 def few(record, **others):
-    """The same without modes and corrections."""
+    """Return the same response without modes and corrections."""
     return nominal(record, width_modes=0, bed_modes=0, corrections=False, **others)
 
 
 def one_row(flow, T_s=900.0):
-    """A river's inflow as one long row."""
+    """Return a river's inflow as one long row."""
     record = river_record(np.random.default_rng(0), days=1, T_s=T_s)
     row = np.asarray(flow, float)[None]
     return replace(
@@ -67,7 +67,7 @@ def one_row(flow, T_s=900.0):
 
 
 def river_record(rng, days=5, n=96, T_s=900.0, base=250.0, swing=80.0):
-    """Days of a release that changes every hour; the output is still to be made."""
+    """Return days of a release that changes every hour; the output is filled in by the test."""
     hours = base + swing * np.cumsum(rng.standard_normal((days * n // 4,))) / 5.0
     inflow = np.clip(np.repeat(hours, 4), 60.0, None).reshape(days, n)
     dates = [dt.date(2024, 5, 1) + dt.timedelta(days=k) for k in range(days)]

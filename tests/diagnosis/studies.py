@@ -1,4 +1,4 @@
-"""Explanations and studies by hand: densities and errors of days, as a fit would leave them."""
+"""Hand-made explanations and studies: densities and errors of days, as left by a fit."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ SPLIT = split(RECORD.dates)
 OPEN = ~SPLIT.sealed
 HORIZONS = 4
 LOUD = NoiseModel(100.0, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
-"""A noise that makes larger errors than those of the explanations here."""
+"""A noise with larger errors than those of the explanations here."""
 QUIET = NoiseModel(1e-4, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
 
 
@@ -28,7 +28,7 @@ MODEL = SimpleNamespace(reach=SimpleNamespace(name="linear"), flow=300.0, gauge_
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """What the decision reads of an explanation."""
+    """The fields of an explanation that the decision reads."""
 
     names: tuple[str, ...]
     unknown: str
@@ -39,7 +39,7 @@ class Made:
     log_prior: float = 0.0
     inflation: float = 1.0
     noise: NoiseModel = LOUD
-    count: tuple = (0, 0)  # no effect in the simulator: materiality is by the errors of the parent
+    count: tuple = (0, 0)  # no effect in the simulator: materiality compares with the errors of the parent
     events: tuple = ()
     active: Callable = lambda record, effect: np.ones(record.days, bool)
     others: tuple = ()
@@ -54,10 +54,10 @@ class Made:
 
 
 def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", sealed=None, **others):
-    """An explanation that gains `nats` of tempered score and takes a share of the error of its parent.
+    """Return an explanation that gains `nats` of tempered score and removes a share of its parent's error.
 
-    The gain is the same on all open days; `removes` is a number, or one for each horizon; on sealed days it
-    gains and removes `sealed`, by default the same.
+    The gain is the same on all open days. `removes` is one number, or one for each horizon. On held-out days
+    the gain and the removed share are `sealed`, by default the same.
     """
     days = RECORD.days
     names = (*(parent.names if parent else ()), *([added] if added else []))

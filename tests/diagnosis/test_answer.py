@@ -1,4 +1,4 @@
-"""The gap by regime: each state against a plain loop, and that the states together are the gap."""
+"""Test the gap by regime: each state against a plain loop, and that the states together give the gap."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -76,19 +76,19 @@ def test_night_is_from_22_to_6():
     (night,) = (s for s in states(record) if s[0] == "night")
     hours = record.hour[night[2]]
     assert ((hours >= 22.0) | (hours < 6.0)).all()
-    assert night[2].mean() == pytest.approx(1 / 3, abs=0.15)  # the lead time is night
+    assert night[2].mean() == pytest.approx(1 / 3, abs=0.15)  # the lead time is at night
 
 
 def test_an_error_counts_where_the_forecast_ends():
     record = EVIDENCE.record
     residual = np.where(np.isfinite(record.output), 0.0, np.nan)
     night = next(s[2] for s in states(record) if s[0] == "night")
-    # only forecasts that end by night, or begin there, are off
+    # only forecasts that end or begin at night have an error
     residual[night] += 0.05 * np.random.default_rng(2).standard_normal(int(night.sum()))
     study = study_of()
     study.first.predicted = residual
     found = {r.name: r for r in regimes(study)}
-    # of 16 simulations that end by day an hour ahead one has begun by night
+    # one of 16 simulations that end by day, an hour ahead, began at night
     assert found["night"].rmse_baseline[0] > 2.0 * found["day"].rmse_baseline[0]
     assert sum(found["night"].targets) > 0
 
@@ -118,7 +118,7 @@ def test_a_state_that_is_always_there_is_left_out():
 
 @pytest.mark.parametrize("band", [6.1, 7.0, 7.9])
 def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
-    """Commands are multiples of 2 m3/s: a band of 6.1 and one of 7.9 leave the same gate."""
+    """Commands are multiples of 2 m3/s: bands of 6.1 and of 7.9 give the same commands."""
     rng = np.random.default_rng(0)
     outflow = 300.0 + 2.0 * rng.integers(0, 9, EVIDENCE.record.outflow.shape)
     record = dataclasses.replace(EVIDENCE.record, outflow=outflow)
@@ -134,7 +134,7 @@ def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
 
 
 def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12)):
-    """What is left where the likeliest explanation has events without a name, which begin in these rows."""
+    """Return the remainder if the likeliest explanation has events without a name, starting in these rows."""
     events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, 50.0, False) for day in rows)
     one = SimpleNamespace(kind=SimpleNamespace(name="", shape=shape), events=events)
     days = EVIDENCE.record.days

@@ -1,4 +1,4 @@
-"""Days dealt into roles, in blocks."""
+"""Test the assignment of days to roles, in blocks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Responses, library and gauge floor of a configured reach."""
+"""Test the responses, library and gauge floor of a configured reach."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_of_a_pool_equations_an_integrator_and_coefficients_compete():
     assert dam == pytest.approx(record.usual_output - 125.0)
     assert integrator["surface_area"] == pytest.approx(8200 * 81.6, rel=0.01)
     speed = 8200.0 / integrator["delay"]
-    assert 5.0 < speed < 12.0  # of a gravity wave: the flow's and sqrt(g h)
+    assert 5.0 < speed < 12.0  # speed of a gravity wave: that of the flow plus sqrt(g h)
 
 
 def test_of_a_river_a_diffusive_wave_between_gravity_and_kinematic_speed():

@@ -1,4 +1,4 @@
-"""The identified law of the operators, and the closed loop against plain loops and the truth."""
+"""Test the identified law of the operators, and the closed loop against plain loops and the truth."""
 
 import dataclasses
 import json
@@ -48,7 +48,7 @@ def test_the_law_is_that_of_the_operators_of_the_logs(name, seed, habits):
     assert true.look[0] < law.look < true.look[1]
     assert law.notice == (4.0 if true.notice == 4.0 else np.inf)
     checked = validate(law, record.take(dealt.select))
-    # rounding to the quantum at both ends is all that one person leaves
+    # with one operator, the only difference is rounding to the quantum at both ends
     assert checked.left < 1.6 * true.quantum / np.sqrt(6.0)
     assert checked.r2 > max(0.99, checked.r2_inflow)
 
@@ -65,7 +65,7 @@ def test_a_set_point_that_follows_the_flow_is_found():
 def test_operators_who_wait_for_the_wave_are_found_by_their_lag(lag):
     record = record_of(season("intermittent", 7, **ALIKE))
     n = record.time.shape[1]
-    early = np.roll(record.inflow, -lag, axis=1)  # commanded so much earlier than it really was
+    early = np.roll(record.inflow, -lag, axis=1)  # commanded earlier by this much than in reality
     late = dataclasses.replace(record, inflow=early, used=record.used & (np.arange(n) < n - lag))
     law = identify(late.take(split(record.dates).fit))
     assert law.lag == lag and law.feedforward == pytest.approx(1.0, abs=0.02)
@@ -82,7 +82,7 @@ def test_whitened_least_squares_are_those_of_the_dense_covariance():
     command[2, 50:] = np.nan
     tried = [(SetPoint(0.0), 0.0)]
     found = operators._least_squares(command, q[None], e[None], trims[None], tried, noise, np.ones(days))
-    # white, a walk, and a rate with memory summed up; each day from a level that is not known
+    # white noise, a walk, and an integrated rate with memory; each day from an unknown level
     k = np.arange(m)
     steps = np.tril(np.ones((m, m)), -1)
     V = 0.25 * np.eye(m) + 0.64 * steps @ steps.T
@@ -169,7 +169,7 @@ def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
         k = first + i
         if i:
             dt, h = t[k] - t[k - 1], state["h"]
-            came = 0.0  # what left between t - 931 s and dt later: the delay is seven samples of 133 s
+            came = 0.0  # volume that left between t - 931 s and dt later: the delay is seven samples of 133 s
             for a, b, flow in zip(t[:-1], t[1:], u[:-1], strict=True):
                 came += flow * max(0.0, min(b, t[k] - 931.0) - max(a, t[k - 1] - 931.0))
             gone = commands[-1] + loss * (h - 129.9) - side[0, k - 1]
@@ -189,7 +189,7 @@ def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
 
 
 def channel(s, record):
-    """The response that is the truth of a plain hydraulic season."""
+    """Return the response that is the truth of a plain hydraulic season."""
     bed, reach = s.scenario.channel, s.scenario.reach
     level = s.scenario.level.set_point
     made = HydraulicResponse.nominal(
@@ -212,7 +212,7 @@ def test_the_true_reach_and_the_true_law_give_the_true_days():
     day = record.take([3])
     level, outflow = run_day(channel(s, record), law, day, changes)
     first = int(np.argmax(day.used[0]))
-    # The start differs by what the operators have trimmed before midnight, less than a quantum
+    # The start differs by the trim that the operators made before midnight, less than a quantum,
     assert np.nanmax(np.abs(outflow - day.outflow[0])) <= 2.0
     off = np.abs(level - day.output[0])[first:]
     hour = 3600.0 / record.sample_time
@@ -279,7 +279,7 @@ def test_a_hidden_diurnal_inflow_shows_in_the_outflow_and_adding_it_closes_the_l
     assert found.reason == "" and found.days == int(split(record.dates).sealed.sum())
     assert found.operators.r2 > 0.9
     before, after = found.baseline, found.augmented
-    # the operators pass on the wave of 15 m3/s: its root mean square is what the outflow lacks
+    # the operators pass on the wave of 15 m3/s: its root mean square is missing in the outflow
     lacking = np.sqrt(before.outflow**2 - after.outflow**2)
     assert lacking == pytest.approx(15.0 / np.sqrt(2.0), rel=0.2)
     assert after.outflow < 0.6 * before.outflow and after.level < before.level

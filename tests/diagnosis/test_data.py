@@ -1,4 +1,4 @@
-"""Days as rows with lead time; the gap at its horizons."""
+"""Test days as rows with lead time, and the gap at its horizons."""
 
 import datetime as dt
 from dataclasses import replace
@@ -153,7 +153,7 @@ ARRIVED = 1.0 - np.exp(-np.clip(np.arange(N) - DELAY + 1.0, 0.0, None) / 5.0)
 
 
 def flows(inflow, outflow=None, kind="pool"):
-    """Rows with these changes of the flows, by sample."""
+    """Return rows with these changes of the flows, by sample."""
     r = as_record(
         DATES, 432.0 * np.arange(N), np.zeros((5, N)), None if kind == "river" else np.zeros((5, N)),
         np.zeros((5, N)), sample_time=432.0, lead=START_UP, kind=kind,
@@ -171,7 +171,7 @@ def test_a_step_of_the_inflow_shows_at_the_delay_and_one_of_the_outflow_at_once(
         there = np.flatnonzero(found[0] > 1e-12)
         half = max(round(NEAR * DELAY), 1)
         assert there.tolist() == list(range(seen - half, seen + half + 1))
-        assert found[0].sum() == pytest.approx((30.0 * RAMP) ** 2)  # spread, and nothing lost
+        assert found[0].sum() == pytest.approx((30.0 * RAMP) ** 2)  # its energy is conserved
 
 
 def test_activity_is_that_of_a_plain_loop_and_grows_with_the_square_of_the_flows():
@@ -199,7 +199,7 @@ def test_activity_is_that_of_a_plain_loop_and_grows_with_the_square_of_the_flows
 
 
 def left_out(days, config):
-    """Numbers of the days that are left out, and what is known."""
+    """Return the numbers of the days that are left out, and the known findings."""
     left, known = checked(days, config)
     there = [day.date for day in left]
     assert there == sorted(there)
@@ -238,7 +238,7 @@ def test_a_jump_is_left_to_the_search_unless_it_is_on_a_sealed_day():
         out, known = left_out(raised(days, day, 10, 0.5), config)
         assert out == gone and known.notes[0].startswith("left out" if gone else "kept")
     copied = [replace(day, output=days[3].output) if k == 0 else day for k, day in enumerate(days)]
-    gone, _ = left_out(raised(copied, 16, 10, 0.5), config)  # the blocks begin on the first day that is left
+    gone, _ = left_out(raised(copied, 16, 10, 0.5), config)  # blocks begin on the first remaining day
     assert gone == [0, 3]
     gone, _ = left_out(raised(copied, 15, 10, 0.5), config)
     assert gone == [0, 3, 15]
@@ -253,10 +253,10 @@ def test_the_dates_of_a_shifted_inflow_are_known(seconds):
     assert clock.dates == (days[15].date, days[17].date)
     assert isinstance(clock, ClockOffset) and clock.offset == pytest.approx(seconds, abs=300)
     gone, known = left_out(late(days, seconds, "inflow", among=slice(12, 15)), config)
-    assert gone == [12, 13, 14] and not known.dated  # sealed
+    assert gone == [12, 13, 14] and not known.dated  # held-out days
     shifted = late(days, seconds, "inflow", among=slice(13, 16))
     copied = [replace(day, output=days[3].output) if k == 0 else day for k, day in enumerate(shifted)]
-    assert left_out(copied, config)[0] == [0, 3, 13, 14, 15]  # sealed once the first day is left out
+    assert left_out(copied, config)[0] == [0, 3, 13, 14, 15]  # held-out days, once the first day is left out
     gone, known = left_out(late(days, seconds, "output", among=slice(15, 18)), config)
     assert gone == [] and not known.dated and len(known.notes) == 1
 
@@ -272,7 +272,7 @@ DEEP = {"length": 6000.0, "width": 90.0, "depth": 10.0, "discharge_range": (200.
 
 
 def test_a_simulation_has_forgotten_its_start_after_the_lead_of_its_pool():
-    """Of the waves that a pulse of the inflow makes, as much is left after the lead as friction leaves."""
+    """After the lead time, the remaining waves of a pulse of the inflow are those given by friction."""
     T_s, inflow = 60.0, np.full((1, 1), 400.0)
     config = Config.model_validate({"reach": DEEP | {"sample_time": T_s}})
     lead = lead_of(config, inflow, T_s)
@@ -281,7 +281,7 @@ def test_a_simulation_has_forgotten_its_start_after_the_lead_of_its_pool():
     flow = np.full(len(time), 400.0)
     still = simulate(pool, time, flow, flow, 10.0).level
     pulse = flow.copy()
-    pulse[0] = 900.0  # its volume stays: the mean of the end is taken off
+    pulse[0] = 900.0  # its volume remains: the mean at the end is subtracted
     swing = simulate(pool, time, pulse, flow, 10.0).level - still
     swing -= swing[-lead // 4 :].mean()
     first, last = np.abs(swing[:60]).max(), np.abs(swing[lead:]).max()

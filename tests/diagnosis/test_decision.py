@@ -1,4 +1,4 @@
-"""Materiality, probabilities of names and unknowns, groups and contradictions on explanations by hand."""
+"""Test materiality, probabilities of names and unknowns, groups and contradictions."""
 
 import datetime as dt
 from dataclasses import replace
@@ -65,7 +65,7 @@ def test_a_share_of_the_error_at_one_horizon_is_material():
             assert material(one, nothing) == enough
             found, draws = shares(one, nothing, OPEN, BLOCK)
             assert found[horizon] == pytest.approx(share)
-            assert draws[:, horizon] == pytest.approx(share)  # all days are alike
+            assert draws[:, horizon] == pytest.approx(share)  # all days are equal
 
 
 def test_a_share_that_rests_on_one_block_is_doubted():
@@ -87,7 +87,7 @@ def test_a_horizon_that_grows_worse_is_not_made_up_for_by_another_but_that_of_a_
 
 
 def test_what_grows_is_judged_beside_the_same_response():
-    """A clock of an hour in a linear pool grew a day ahead beside Saint-Venant without it: no name."""
+    """Regression: a clock of an hour in a linear pool was worse a day ahead than Saint-Venant without it."""
     other, same = explained(), explained(removes=[0.0, 0.0, 0.0, -4 * MUCH])
     one = explained("clock_offset", 9.0, [MUCH, MUCH, MUCH, -3 * MUCH], parent=other)
     assert not is_material(one, other, OPEN, BLOCK)
@@ -118,7 +118,7 @@ def test_days_contradict_by_density_or_by_error_beyond_their_scatter():
     worse = explained("leakage", 1.0, [0.1, 0.1, 0.1, -0.1], parent=nothing)
     assert worse_on(worse, nothing, SPLIT.sealed, BLOCK)
     mixed = explained("leakage", -0.1, 0.1, parent=nothing)
-    mixed.density[BLOCK == BLOCK[SPLIT.sealed][0]] += 3.0  # one block of sealed days for it, the rest against
+    mixed.density[BLOCK == BLOCK[SPLIT.sealed][0]] += 3.0  # one block for it, the rest against it
     assert not worse_on(mixed, nothing, SPLIT.sealed, BLOCK)
 
 
@@ -158,7 +158,7 @@ def test_of_a_kind_the_best_counts():
     assert leading(pool, OPEN) == [nothing, pool[2]]
     other = explained("leakage", 0.0, MUCH, parent=explained("gate_head_effect", 1.0, MUCH, parent=nothing))
     same = explained("gate_head_effect", 0.5, MUCH, parent=pool[1])
-    assert leading([other, same], OPEN) == [same]  # in whatever order
+    assert leading([other, same], OPEN) == [same]  # in any order
 
 
 def test_a_name_is_sure_over_all_explanations_that_hold_it():
@@ -185,7 +185,7 @@ def test_an_effect_in_front_of_which_an_immaterial_one_stands_is_named_alone():
 
 
 def test_an_effect_that_is_material_only_beside_another_is_named_with_it():
-    """While another is missing it may forecast a horizon worse, with a response bent to both."""
+    """While the other effect is missing, it may be worse at one horizon, with a response fitted to both."""
     nothing = explained()
     bent = [MUCH, MUCH, MUCH, -MUCH]
     clock = explained("clock_offset", 40.0, bent, parent=nothing)
@@ -217,7 +217,7 @@ RAIN, LATERAL = CATALOGUE["rain_inflow"], CATALOGUE["lateral_inflow"]
 
 
 def paid(down):
-    """What rain on eight days gains, and pays for the same water that is taken away on other days [nats]."""
+    """Return the gain of rain on eight days, and its cost for equal negative events on other days [nats]."""
     rain = RAIN(
         starts=tuple(24.0 * d + 5.0 * d % 19.0 for d in range(1, 25, 3)), peak=20.0, rise=0.1, recession=6.0
     )
@@ -238,7 +238,7 @@ def paid(down):
 
 def test_events_pay_for_those_of_the_impossible_sign():
     gained, cost = paid(())
-    assert gained > 100.0 and cost < 0.1 * gained  # by chance
+    assert gained > 100.0 and cost < 0.1 * gained  # the cost is due to chance
     gained, cost = paid(range(2, 25, 3))
     assert cost > 0.5 * gained > 0.0
 
@@ -261,7 +261,7 @@ def test_rain_is_likelier_than_pulses_of_an_unknown_flow_where_it_recedes(recede
 
 @pytest.mark.parametrize("first,last", [(1, 13), (2, 14), (3, 12), (0, 14)])
 def test_dates_begin_and_end_on_the_sealed_days_where_this_is_likeliest(first, last):
-    """Days 12 to 14 of a pool are sealed, and an inflow was found with its end half-way over them."""
+    """Days 12 to 14 of a pool are held out, and an inflow is found that ends in the middle of them."""
     days = [dt.date(2008, 4, 1) + dt.timedelta(days=k) for k in range(25)]
     record = pools.season(6, 25, (LATERAL(inflow=12.0, dates=(days[first], days[last])),))
     dealt, opened = split(record.dates), pools.opened(record)
@@ -275,12 +275,12 @@ def test_dates_begin_and_end_on_the_sealed_days_where_this_is_likeliest(first, l
     assert effect.dates == (days[first], days[last]) and effect.inflow == pytest.approx(12.0, abs=1.5)
     gained = (better.density - one.density)[~opened]
     assert gained[3:].tolist() == pytest.approx([0.0] * len(gained[3:]), abs=1e-6)
-    paid = np.log(4.0)  # four days on which it may end: the last open one and the three that are sealed
+    paid = np.log(4.0)  # four days on which it may end: the last open one and the three held-out ones
     assert gained[:3].sum() >= -paid - 1e-6 and (gained[:3].sum() > 3.0) == (last != 13)
 
 
 def balances(offset, river=True, hours=None):
-    """A lateral inflow that is far ahead of a rating, and of an inflow gain: those named with 0.1 or more."""
+    """Return the names of 0.1 or more, for a lateral inflow far ahead of a rating and of an inflow gain."""
     nothing = explained()
     pool = [nothing]
     for name, nats, values in (
@@ -298,7 +298,7 @@ def test_shifts_of_a_rivers_balance_are_tied_where_a_rating_can_make_them():
     three = {"lateral_inflow", "rating_shift", "inflow_gain_error"}
     assert balances(0.02) == three
     assert balances(0.02, hours=(3.0, 9.0)) == three - {"inflow_gain_error"}
-    assert balances(0.1) == {"lateral_inflow"}  # no rating is so far off
+    assert balances(0.1) == {"lateral_inflow"}  # no rating has such a large error
     assert balances(0.02, river=False) == {"lateral_inflow"}
 
 
@@ -330,7 +330,7 @@ def test_unknown_dynamics_count_only_where_they_simulate_materially_better():
 
 @pytest.mark.parametrize(("flexible", "tied"), [(100.0, True), (70.0, False), (20.0, False)])
 def test_twins_are_tied_where_unknown_dynamics_gain_more_than_what_separates_them(flexible, tied):
-    """The equations miss 40, 10 and no nats; a leak is ahead of the gate's head by 20, and of rain by 30."""
+    """The equations lack 40, 10 or no nats; a leak leads the gate's head by 20, and rain by 30."""
     nothing = explained()
     leak, head, rain = (
         explained(name, nats, 0.5, parent=nothing)
@@ -393,7 +393,7 @@ def test_a_name_that_makes_forecasts_worse_does_not_compete():
 
 
 def test_an_effect_gains_no_more_beside_another_where_something_unknown_is_likeliest():
-    """A lag counted in full after a leak, and in part alone, where it was likeliest with an unknown gauge."""
+    """Regression: a lag counted in full beside a leak; alone in part, where an unknown gauge was likelier."""
     nothing = explained()
     lag = explained("outflow_lag", 20.0, MUCH, parent=nothing, inflation=5.0)
     gauge = explained("", 4.0, MUCH, parent=lag, unknown="gauge")
@@ -416,7 +416,7 @@ def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effect
 @pytest.mark.parametrize("left", [0.2, 0.5, 0.6, 0.8])
 @pytest.mark.parametrize("name", ["clock_offset", "leakage"])
 def test_a_timing_that_leaves_a_share_of_the_misfit_is_tied_with_its_twin(name, left):
-    """Ice on a river took three quarters of it away as a clock, 31 nats ahead of itself."""
+    """Regression: a clock explained three quarters of ice on a river, and led the ice itself by 31 nats."""
     twin = {"clock_offset": "ice_cover", "leakage": "gate_head_effect"}[name]
     nothing = explained(noise=replace(QUIET, misfit=1.0))
     lead = explained(name, 50.0, MUCH, parent=nothing, noise=replace(QUIET, misfit=left))
@@ -427,7 +427,7 @@ def test_a_timing_that_leaves_a_share_of_the_misfit_is_tied_with_its_twin(name, 
 
 
 def test_two_effects_that_predict_worse_than_one_are_less_probable():
-    """Ice had 9 times its scatter; a well and the lag of a gate stood for it, of which the lag had twice."""
+    """Regression: ice had 9 times its scatter; a well and a gate lag, with twice its scatter, replaced it."""
     nothing = explained()
     ice = explained("ice_cover", 60.0, MUCH, parent=nothing, inflation=9.0)
     well = explained("stilling_well", 20.0, MUCH, parent=nothing, inflation=5.0)
@@ -439,11 +439,11 @@ def test_two_effects_that_predict_worse_than_one_are_less_probable():
 @pytest.mark.parametrize("act", [1, 2])
 @pytest.mark.parametrize("third", [2.0, 20.0])
 def test_gains_are_divided_by_what_others_gain_beside_all_that_act(third, act):
-    """A leak of 53 nats in 96 days without any: beside it any of four others gained 28 to 36."""
+    """Regression: a leak of 53 nats in 96 days without one; with it, each of four others gained 28 to 36."""
     scale, gain = max(1.0, third / THIRD), 30.0  # gains here are tempered scores
     pool, expected, others = [explained()], [0.0], ("seiche", "rain_inflow", "clock_offset", "sensor_drift")
     for name in ("leakage", "gate_rate_limit")[:act]:
-        beside = [explained(other, 25.0, MUCH, parent=pool[0]) for other in others]  # of what is missing yet
+        beside = [explained(other, 25.0, MUCH, parent=pool[0]) for other in others]  # of what is missing
         before = expected[0]
         pool = [explained(name, gain, MUCH, parent=pool[0]), *beside, *pool]
         expected = [before + gain / scale, *[before + 25.0 / scale] * len(others), *expected]
@@ -454,7 +454,7 @@ def test_gains_are_divided_by_what_others_gain_beside_all_that_act(third, act):
 
 
 def test_while_a_search_goes_on_the_rivals_of_a_last_effect_are_no_gains_of_chance():
-    """What mimics a second effect would keep it from being extended, which shows what is left beside it."""
+    """Imitations of a second effect would prevent its extension, which shows the remaining gain beside it."""
     nothing = explained()
     head = explained("gate_head_effect", 30.0, MUCH, parent=nothing)
     both = explained("seiche", 40.0, MUCH, parent=head)
@@ -534,7 +534,7 @@ def test_a_measurement_is_proposed_where_nothing_competes_and_the_error_is_too_l
 
 
 def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
-    """A name of 0.73 beside something unknown of 0.27: each too little, and nothing missing has no chance."""
+    """A name of 0.73 and something unknown of 0.27: neither is probable enough, but a gap is certain."""
     flow = explained("", 8.0, MUCH, parent=NOTHING, unknown="flow")
     found, reason = _verdict(study_of(NOTHING, LEAK, flow), gap_of(evidence_of(RECORD)), None)
     assert found == "unknown" and "leakage, has 0.73" in reason
@@ -553,7 +553,7 @@ def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
 
 
 def test_the_ranking_has_what_matters_with_gain_and_materiality():
-    """What is too small to matter is in the row of what it extends, with the gain of the more probable."""
+    """An immaterial effect is in the row of the explanation that it extends, with the more probable gain."""
     nothing = explained()
     small = explained("outflow_lag", 9.0, 0.01, parent=nothing)
     flow = explained("", 1.0, MUCH, parent=nothing, unknown="flow")

@@ -1,4 +1,4 @@
-"""Events against slow searches, planted truth, and days of noise."""
+"""Test events against slow searches, planted truth, and days of noise."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -39,7 +39,7 @@ RAIN = Kind("rain", "recession", 1, FAR)
 
 
 def planted(seed, days, kind, samples, starts, size, noise=NOISE, n=N, rise=0):
-    """Noise with events at starts(rng) of each row, and what they are: (day, start, size)."""
+    """Return noise with events at starts(rng) of each row, and the events: (day, start, size)."""
     rng = np.random.default_rng(seed)
     z, truth = noise.simulate(days, n, rng), []
     shape = response(kind.kernel, kind.shape, samples, 3 * n, rise)
@@ -56,7 +56,7 @@ def starts_of(found):
 
 
 def mean_flow(shape, samples, rise, n):
-    """Means over the samples of a flow that begins at 0, from its values at many times."""
+    """Return the sample means of a flow that begins at 0, from its values at many times."""
     t = (np.arange(400 * n) + 0.5) / 400
     if shape == "pulse":
         flow = (t < samples) * 1.0
@@ -175,7 +175,7 @@ def test_planted_events_are_found_with_time_and_size(noise, kind, samples, size,
 
 
 def locks(seed, days, per_day, duration, size=30.0, noise=0.002, area=1e6):
-    """Rows of n samples with pulses at any time, of one duration each [s], and when they begin [s]."""
+    """Return rows of n samples with pulses of one duration [s] at random times, and the start times [s]."""
     rng = np.random.default_rng([seed, 8])
     lead, n = 40, 690
     row, gauge = n - lead, replace(NOISE, gauge_sd=noise, walk_sd=1e-5, surface_area=area)
@@ -195,7 +195,7 @@ def locks(seed, days, per_day, duration, size=30.0, noise=0.002, area=1e6):
 @sizes("seeds", 2, 8)
 @pytest.mark.parametrize("duration", [400.0, 1500.0, 5000.0])
 def test_durations_are_refined_beyond_the_grid(duration, seeds):
-    """Locks at random times, so some overlap; 30 m3/s lower the pool by 6 cm in 25 min."""
+    """Locks at random times may overlap; 30 m3/s lower the pool by 6 cm in 25 min."""
     for seed in range(seeds):
         found, at, starts = locks(seed, 12, 7.0 if duration < 5000.0 else 3.0, [duration])
         assert found.duration_s == pytest.approx(duration, rel=0.06)
@@ -245,13 +245,13 @@ def test_missing_samples_cost_precision_and_nothing_else():
     by_day = {day: e for day, e in zip((e.day for e in found.events), found.events, strict=True)}
     assert len(found.events) == 9 and sorted(by_day) == list(range(9))
     for d, k, a in truth[:9]:
-        assert abs(by_day[d].start_s / T - k) <= 12  # within the gap, if it begins there
+        assert abs(by_day[d].start_s / T - k) <= 12  # within the gap, if the event begins there
         assert abs(by_day[d].size - a) < 4 * by_day[d].size_se
     assert (found.coded[9] == 0.0).all()
 
 
 def rows_of(z, lead):
-    """A long series as rows, each with the end of the day before as lead that does not count."""
+    """Return a long series as rows, each with the end of the day before as an unused lead."""
     row = N - lead
     days = (len(z) - lead) // row
     rows = np.stack([z[d * row : d * row + N] for d in range(days)])
@@ -276,7 +276,7 @@ def test_rain_over_midnight_is_one_event_and_leaves_nothing_behind(seeds):
         white = NOISE.whiten((rows - found.coded)[None], rows)[0]
         assert np.mean(white[np.isfinite(rows)] ** 2) == pytest.approx(1.0, abs=0.15)
         alone = find_events(rows, NOISE.whiten, RAIN, T, lead=lead, refine=False)
-        assert len(alone.events) >= 2  # each day has its own, without the carry-over
+        assert len(alone.events) >= 2  # each day has its own events, without the carry-over
     assert once >= 0.75 * seeds
     assert np.sqrt(np.mean(np.square(deviation))) < 1.8
 
@@ -355,7 +355,7 @@ def test_starts_at_random_are_a_timetable_no_more_often_than_the_level(seasons):
     for seed in range(seasons):
         hours = np.random.default_rng(seed).uniform(0.0, 24.0, 25)
         p.append(timetable(events_at(hours, np.arange(25)), draws=199, seed=seed)[0])
-    # Few pairs, so ties: p errs on the safe side.
+    # There are few pairs, hence ties: p is conservative.
     assert np.mean(np.array(p) <= level) <= level + 3 * np.sqrt(level * (1 - level) / seasons)
     assert np.mean(np.array(p) <= 0.5) > 0.35
 
@@ -381,7 +381,7 @@ JUMP = Kind("jump", "jump", 0, np.ones(N))
 
 @sizes("seeds", 3, 12)
 def test_all_jumps_of_a_season_are_found_up_and_down(seeds):
-    """Pairs of 6 cm in a day, single ones, one in the samples before midnight that the next row repeats."""
+    """Pairs of 6 cm within a day, single jumps, and one before midnight that the next row repeats."""
     lead, row = 40, N - 40
     truth = {
         (2, 100): 0.06,

@@ -1,4 +1,4 @@
-"""The fit of an explanation against closed forms, its own spread, and seasons of known truth."""
+"""Test the fit of an explanation against closed forms, its own spread, and seasons of known truth."""
 
 import datetime as dt
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ N = 150
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """``y = a u + curvature (a u)^2 + b o``, with flows as columns; refuses a above `breaks`."""
+    """``y = a u + curvature (a u)^2 + b o``, with flows as columns; raises if a is above `breaks`."""
 
     parameters: tuple[FreeParameter, ...]
     curvature: float = 0.0
@@ -58,7 +58,7 @@ def two(a=1.0, b=1.0, sd=10.0, high=20.0):
 
 
 def columns(rng, days, truth=(2.0, -1.0), noise=0.5, curvature=0.0):
-    """A record of white flows; its output is the curve with white noise."""
+    """Return a record of white flows; its output is the curve with white noise."""
     u, o = rng.standard_normal((2, days, N))
     a, b = truth
     y = a * u + curvature * (a * u) ** 2 + b * o + noise * rng.standard_normal((days, N))
@@ -67,7 +67,7 @@ def columns(rng, days, truth=(2.0, -1.0), noise=0.5, curvature=0.0):
 
 
 def curve_of(response, record, **others):
-    """A model whose noise has no limits: these flows are not those of a river."""
+    """Return a model with a noise without limits: these flows are not those of a river."""
     flow = record.usual_flow
     return Model(response, None, record.usual_output, flow, 0.0, noise_kind="flow", **others)
 
@@ -82,7 +82,7 @@ def values(found):
 
 
 def precision(found, record):
-    """Of the parameters, from whitened columns (p, days, n) and priors."""
+    """Return the precision of the parameters, from whitened columns (p, days, n) and priors."""
     left = np.where(record.used, found.residual, np.nan)
     white = found.noise.whiten(found.columns, like=left) * np.sqrt(found.weights)[:, None]
     X = white.reshape(len(white), -1)
@@ -102,10 +102,10 @@ def test_a_linear_response_is_fitted_as_the_posterior_mean(sd):
     (X, y) = white[:2].reshape(2, -1), white[2].ravel()
     H = X @ X.T + np.eye(2) / sd**2
     wanted = np.linalg.solve(H, X @ y + np.ones(2) / sd**2)
-    off = values(found) - wanted  # a step that gains less is not taken
+    off = values(found) - wanted  # a step with a smaller gain is not taken
     assert off @ H @ off < 2.0 * LEAST_STEP + 0.01
     assert precision(found, record) == pytest.approx(H, rel=1e-6)
-    if sd == 0.01:  # a prior as sharp as that holds against 750 samples
+    if sd == 0.01:  # such a narrow prior outweighs 750 samples
         assert (np.abs(values(found) - 1.0) < 0.5 * np.abs(np.array([2.0, -1.0]) - 1.0)).all()
 
 
@@ -122,7 +122,7 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_mean_the_truth(cur
     off = np.array(off)
     assert (np.abs(off.mean(0)) < 4.0 / np.sqrt(seeds)).all()
     assert (off**2).mean() == pytest.approx(1.0, rel=4.0 * np.sqrt(2.0 / off.size))
-    # those of the posterior, or of the jackknife where it is larger: of 12 blocks that are alike, a little
+    # the posterior sd, or that of the jackknife if larger: of 12 similar blocks, slightly larger
     assert np.min(ratio) >= 1.0 - 1e-9 and 1.0 < np.mean(ratio) < 1.3
 
 
@@ -130,7 +130,7 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_mean_the_truth(cur
 
 
 def test_a_linear_response_settles_where_it_is_fitted():
-    """The regression is then exact whatever is drawn."""
+    """The regression is then exact for any draw."""
     record = columns(np.random.default_rng(1), 5)
     wanted = fit(Curve(two()), record)
     for number in range(3):
@@ -140,12 +140,12 @@ def test_a_linear_response_settles_where_it_is_fitted():
 
 
 def short_pool(seed, days=4, T_s=168.0):
-    """A pool that waves cross in one and a half samples, and days of another that its priors make likely."""
+    """Return a pool that waves cross in one and a half samples, and days of another, likely by its priors."""
     rng, n = np.random.default_rng(seed), round(86400.0 / T_s)
     dates = [dt.date(2024, 5, 1) + dt.timedelta(days=k) for k in range(days)]
     inflow = np.repeat(280.0 + 40.0 * rng.uniform(-1.0, 1.0, days * n // 8 + 1), 8)[: days * n]
     outflow = np.roll(inflow, 3) + np.repeat(rng.uniform(-9.0, 9.0, days * n // 6 + 1), 6)[: days * n]
-    outflow += (inflow - outflow).mean()  # the level stays
+    outflow += (inflow - outflow).mean()  # keeps the level stationary
     made = HydraulicResponse.nominal(
         2600.0, 90.0, 9.5, 100.0, sample_time=T_s, flow=280.0, corrections=False, cells=16
     )
@@ -197,7 +197,7 @@ def test_columns_agree_with_the_step_that_was_made_and_change_the_least(seed):
     now = _secant(J, x, sd, change)
     assert np.tensordot(x * sd, now, 1) == pytest.approx(change)
     scaled = ((now - J) * sd[:, None, None]).reshape(4, -1)
-    # The least change of the columns, per standard deviation, that does: by the pseudo-inverse.
+    # The smallest such change of the columns, per standard deviation, by the pseudo-inverse.
     missed = (change - np.tensordot(x * sd, J, 1)).ravel()
     assert scaled == pytest.approx(np.linalg.pinv(x[None]) @ missed[None])
 
@@ -226,7 +226,7 @@ def test_a_fit_ends_where_new_columns_gain_less_than_is_enough(monkeypatch):
 
 
 def posterior(found, record):
-    """Log-posterior of a fitted model, all days alike."""
+    """Return the log-posterior of a fitted model, with equal weights of all days."""
     left = np.where(record.used, found.residual, np.nan)
     off = [(p.value - p.mean) / p.sd for p in found.model.reach.parameters]
     return found.noise.log_likelihood(left).sum() - 0.5 * np.square(off).sum()
@@ -234,7 +234,7 @@ def posterior(found, record):
 
 def test_each_step_makes_the_data_likelier_even_where_the_whole_one_would_not():
     record = columns(np.random.default_rng(1), 5, curvature=1.0)
-    bent = Curve(two(a=0.2), curvature=1.0)  # nearly straight here: the whole first step is far too long
+    bent = Curve(two(a=0.2), curvature=1.0)  # almost straight here: the whole first step is far too long
     start = curve_of(bent, record)
     z = residual_of(record, start.baseline(record))
     X = bent.slopes(record, None)[:, record.used]
@@ -279,7 +279,7 @@ def test_sealed_days_do_not_take_part():
 
 
 def test_weather_has_limits_and_an_unknown_flow_has_none():
-    """A wave of 60 m3/s that the model lacks: more than weather may be."""
+    """A wave of 60 m3/s that the model lacks: more than weather can be."""
     hidden = CATALOGUE["diurnal_inflow"](amplitude=60.0, hour=6.0)
     record = pools.season(2, days=10, effects=(hidden,))
     model = pools.model_of(record)
@@ -297,7 +297,7 @@ def test_weather_has_limits_and_an_unknown_flow_has_none():
 @sizes("seeds", 2, 8)
 @pytest.mark.parametrize(("noise", "least", "most"), [(0.0005, 30.0, np.inf), (0.01, -10.0, 10.0)])
 def test_the_rounding_of_a_gauge_lasts_until_its_level_has_gone_a_step_on(noise, least, most, seeds):
-    """White noise alone is less likely by far; below noise of a step nothing of the rounding lasts."""
+    """White noise alone is far less likely; for noise below a step nothing of the rounding persists."""
     record, step = pools.season(2, days=10), 0.01
     model = replace(pools.model_of(record), gauge_floor=step / np.sqrt(12.0))
     weather = NoiseModel(noise, 1e-5, 3.0, 9000.0, 0.0, 1.0, record.sample_time, 6.7e5)
@@ -329,7 +329,7 @@ def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noi
     parameters = found.model.reach.parameters
     assert [p.name for p in parameters] == [*TRUTH, "gauge_lag"]
     for p, error in zip(parameters, found.standard_errors, strict=False):
-        if p.name in ("length", "width", "depth", "manning"):  # banks and fall are hardly seen
+        if p.name in ("length", "width", "depth", "manning"):  # banks and fall are hardly identifiable
             assert p.natural == pytest.approx(TRUTH[p.name], rel=4.0 * error + 0.01), p.name
     errors = found.errors.rmse()[1:3]  # 1 and 4 h ahead, by fits without the day's block
     assert (errors < [0.005, 0.007]).all(), errors
@@ -338,7 +338,7 @@ def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noi
 
 def test_effects_that_are_given_are_not_fitted_again_and_free_ones_are_found():
     gain, depth = CATALOGUE["outflow_gain_error"], list[list[float]]()
-    for seed in (3, 4, 5):  # the depth of five days scatters by some percent
+    for seed in (3, 4, 5):  # the depth from five days scatters by some percent
         planted = season(seed, days=5, effects=(("outflow_gain_error", "error", 0.08),))
         start = few(planted, depth=0.95 * DEPTH)
 
@@ -380,7 +380,7 @@ def test_a_step_within_limits_is_that_of_a_slow_search_on_many_seeds():
         low[rng.random(k) < 0.3], high[rng.random(k) < 0.3] = -np.inf, np.inf
         x = step_within(G, g, low, high)
         assert (x >= low - 1e-8).all() and (x <= high + 1e-8).all()
-        slope = G @ x - g  # zero inside, and outwards at a limit: the conditions of Karush, Kuhn and Tucker
+        slope = G @ x - g  # zero inside, outward at a limit: the Karush-Kuhn-Tucker conditions
         inside = (x > low + 1e-7) & (x < high - 1e-7)
         assert np.abs(slope[inside]).max(initial=0.0) < 1e-6 * np.abs(g).max()
         assert (slope[x <= low + 1e-7] > -1e-6).all() and (slope[x >= high - 1e-7] < 1e-6).all()
@@ -406,7 +406,7 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     share = np.linalg.lstsq(
         (one.shared * one.sd[:p, None, None]).reshape(p, -1).T, taken.ravel(), rcond=None
     )[0]
-    assert X @ white(alone) == pytest.approx(share, rel=1e-4, abs=1e-4 * np.abs(share).max())  # the prior's
+    assert X @ white(alone) == pytest.approx(share, rel=1e-4, abs=1e-4 * np.abs(share).max())  # of the prior
     assert np.linalg.norm(white(alone)) < np.linalg.norm(white(made))
 
     twin = replace(one, shared=np.concatenate([one.shared, 1e3 * made[None]]), sd=np.append(one.sd, 1.0))
@@ -415,7 +415,7 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
 
 
 def test_without_a_leak_errors_of_the_level_last():
-    """What a leak makes may be little; that it lets an error decay is lost with it all the same."""
+    """A leak may cause little, but without it an error no longer decays."""
     planted = season(5, days=5, effects=(("leakage", "loss", 300.0),))
     plain = Model(few(planted), None, planted.usual_output, planted.usual_flow, 0.0)
     model = replace(plain, effects=(CATALOGUE["leakage"](loss=300.0),), free=(("loss",),))

@@ -1,4 +1,4 @@
-"""Bins against plain loops, chance against its own error, and places against what was planted."""
+"""Test bins against plain loops, chance against its own error, and places against planted ones."""
 
 import datetime as dt
 
@@ -35,7 +35,7 @@ USED[17, 60:] = False
 
 
 def scores(seed):
-    """Noise that the days of a block share: a level, and a course over the day."""
+    """Return noise that is correlated within the days of a block: a level, and a course over the day."""
     rng = np.random.default_rng(seed)
     level = 0.5 * rng.standard_normal((DAYS, 1))[BLOCKS]
     course = 0.7 * rng.standard_normal((DAYS, 24))[BLOCKS][:, np.arange(N) // 6]
@@ -56,7 +56,7 @@ def test_the_influence_of_a_block_is_what_its_removal_changes():
         own = (S[j] - S.sum(0) / Q.sum(0) * Q[j]) / Q.sum(0)
         own -= (S[j].sum() - S.sum() / Q.sum() * Q[j].sum()) / Q.sum()
         assert change == pytest.approx(own, rel=0.02, abs=2e-5)
-        assert psi[j] == pytest.approx(own, abs=2e-4)  # the difference is the departures themselves, small
+        assert psi[j] == pytest.approx(own, abs=2e-4)  # apart from small departures
 
 
 @sizes("seasons", 40, 300)
@@ -122,7 +122,7 @@ def test_every_used_sample_of_a_record_is_in_the_bin_of_its_label():
         "hour", "shift", "weekday", "date", "inflow", "rate of inflow", "outflow", "rate of outflow", "level",
         "rate of level", "hours since a step of the inflow", "hours since a step of the outflow",
     }  # fmt: skip
-    k = rec.lead + 75  # half past twelve
+    k = rec.lead + 75  # 12:30
     assert (by["hour"].bin[:, k] == 12).all()
     assert by["shift"].labels[by["shift"].bin[0, k]] == "5 to 13 h"
     names = [by["weekday"].labels[b] for b in by["weekday"].bin[:, k]]

@@ -1,4 +1,4 @@
-"""The noise filter against dense covariance matrices, and its fit against known noise."""
+"""Test the noise filter against dense covariance matrices, and its fit against known noise."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ every_gap = pytest.mark.parametrize("gap", GAPS.values(), ids=GAPS)
 
 
 def activity_of(model):
-    """Flows that move now and then: a day's activity, shape (1, N)."""
+    """Return the activity of a day with occasional moves of the flows, shape (1, N)."""
     rng = np.random.default_rng(11)
     size = 1e-4 if model.surface_area else 400.0
     return rng.exponential(size, (1, N)) * (rng.random((1, N)) < 0.4)
@@ -47,7 +47,7 @@ def day_of(model, gap, seed=0):
 
 
 def dense(model):
-    """Covariance of (x - x_0, w, s, e) over a day, shape (4 N, 4 N); a river's misfit enters s."""
+    """Return the covariance of (x - x_0, w, s, e) over a day, shape (4 N, 4 N); a river's misfit enters s."""
     T = model.sample_time
     memory = lambda sd, t: sd**2 * toeplitz(np.exp(-T * np.arange(N) / t))  # noqa: E731
     w = memory(model.inflow_sd, model.inflow_memory)
@@ -59,7 +59,7 @@ def dense(model):
     walk = np.full(N, model.walk_sd**2)
     if model.surface_area:
         walk = walk + misfit
-    else:  # what enters at a sample is there from the next one on
+    else:  # the input of a sample acts from the next one on
         decay = np.exp(-T / model.level_memory)
         late = np.array([[decay ** (i - j - 1) if i > j else 0.0 for j in range(N)] for i in range(N)])
         s = s + late * misfit @ late.T
@@ -77,7 +77,7 @@ READ = np.hstack([np.eye(N), np.zeros((N, N)), np.eye(N), np.eye(N)])  # z - x_0
 
 
 def reading(model, z, until=N):
-    """Data free of x_0, as a matrix on the hidden parts: differences from the first sample there is."""
+    """Return data without x_0 as a matrix on the hidden parts: differences from the first valid sample."""
     there = [k for k in np.flatnonzero(~np.isnan(z)) if k < until]
     if model.surface_area is None:
         return READ[there], z[there], there, 0.0, np.zeros(4 * N)
@@ -94,7 +94,7 @@ def test_likelihood_and_whitening_are_those_of_the_dense_covariance(model, gap):
     expected = multivariate_normal(np.zeros(len(data)), V).logpdf(data)
     moved = activity_of(model)
     assert model.log_likelihood(z[None], moved)[0] == pytest.approx(expected, abs=1e-7)
-    column = np.random.default_rng(1).normal(size=N)  # has no gaps of its own
+    column = np.random.default_rng(1).normal(size=N)  # without gaps
     for given in (z, column):
         expected = np.zeros(N)
         expected[place] = np.linalg.solve(np.linalg.cholesky(V), reading(model, given + 0.0 * z)[1])
@@ -124,13 +124,13 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
 
 @pytest.mark.parametrize("horizon", [1, 7, 20])
 def test_forecasts_of_a_level_that_falls_back_run_on_from_their_origin(horizon):
-    """A pool with a leak: the residual about the observed level beside a simulation step by step."""
+    """Compare the residual to the observed level of a pool with a leak with a simulation step by step."""
     recall, model = 0.9, dataclasses.replace(POOL, gauge_sd=1e-9, inflow_sd=1e-9)
     rng = np.random.default_rng(5)
-    rises = 1e-3 * rng.standard_normal(N)  # what is unlogged lifts the level by, each sample
+    rises = 1e-3 * rng.standard_normal(N)  # rise of the level by unlogged flows in each sample
     level = np.zeros(N)
     for k in range(N - 1):
-        level[k + 1] = recall * level[k] + rises[k]  # the logged flows hold 0
+        level[k + 1] = recall * level[k] + rises[k]  # the logged flows keep it at 0
     residual = np.concatenate([[0.0], np.cumsum(np.diff(level) + (1.0 - recall) * level[:-1])])
     got = dataclasses.replace(model, recall=recall).forecast_errors(
         residual[None], horizon, every=4, first=5
@@ -156,7 +156,7 @@ def test_a_forecast_is_conditioning_on_what_is_known_at_its_origin(model, gap, h
         B, data, _, start, from_first = reading(model, z, origin + 1)
         mean = S @ B.T @ np.linalg.solve(B @ S @ B.T, data) if len(data) else np.zeros(4 * N)
         ahead = READ[origin + horizon].copy()
-        ahead[3 * N :] = 0.0  # the gauge noise to come
+        ahead[3 * N :] = 0.0  # the future gauge noise
         assert error == pytest.approx(z[origin + horizon] - (start + (ahead - from_first) @ mean), abs=1e-8)
 
 
@@ -239,7 +239,7 @@ def test_the_fit_finds_the_noise_that_was_there(true, names, spread, gaps, seeds
     logs = np.array(logs)
     assert (np.abs(logs.mean(0)) < 4.0 * logs.std(0, ddof=1) / np.sqrt(seeds)).all()
     assert (logs.std(0) < spread).all()
-    # twice the gain over the truth is chi-square, of one degree a parameter: below, the climb has not arrived
+    # twice the gain over the truth is chi-square, one degree per parameter: below, the fit has not converged
     assert min(gains) > 0.0
     assert abs(np.mean(gains) - len(names)) < 4.0 * np.sqrt(2.0 * len(names) / seeds)
 

@@ -1,4 +1,4 @@
-"""Held-out days against real refits and dense densities; probabilities against plain draws."""
+"""Test held-out days against real refits and dense densities, and probabilities against plain draws."""
 
 import numpy as np
 import pytest
@@ -16,27 +16,27 @@ DENSE = 81.0 * toeplitz(np.exp(-133.0 * np.arange(N) / 2000.0)) + 16.0 * np.eye(
 
 
 class Problem:
-    """Days y of coloured noise and columns, with priors, weights, and the fit to all of them."""
+    """Days y of coloured noise and columns, with priors, weights, and the fit to all days."""
 
     def __init__(self, seed, misfit=0.0):
         rng = np.random.default_rng(seed)
         self.columns = 5.0 * rng.standard_normal((P, DAYS, N))
         self.sd = np.array([0.3, 1.0, 20.0])
         self.weights = rng.choice([1.0, 1.0, 0.4], DAYS)
-        self.weights[BLOCKS == 2] = 0.0  # kept apart
+        self.weights[BLOCKS == 2] = 0.0  # held out
         truth = self.sd * rng.standard_normal(P) + misfit * rng.standard_normal((5, P))[BLOCKS]
         noise = RIVER.simulate(DAYS, N, rng)
         self.y = np.einsum("dp,pdn->dn", np.broadcast_to(truth, (DAYS, P)), self.columns) + noise
         self.again()
 
     def again(self):
-        """Fitted to all days."""
+        """Fit all days, and return the problem."""
         self.at, _ = self.refit(self.weights)
         self.left = self.y - np.tensordot(self.at, self.columns, 1)
         return self
 
     def refit(self, weights):
-        """Posterior mean and covariance, by dense matrices."""
+        """Return the posterior mean and covariance, by dense matrices."""
         A, b = np.diag(self.sd**-2.0), np.zeros(P)
         W = np.linalg.inv(DENSE)
         for day, weight in enumerate(weights):
@@ -45,7 +45,7 @@ class Problem:
         return np.linalg.solve(A, b), np.linalg.inv(A)
 
     def held_out(self, off=0.0):
-        """Of a fit that ended `off` from its optimum."""
+        """Predict the held-out days from a fit that ended `off` from its optimum."""
         left = self.left - np.tensordot(np.broadcast_to(off, P), self.columns, 1)
         r, X = RIVER.whiten(left), RIVER.whiten(self.columns, like=left)
         return held_out(*information(r, X), self.sd**-2.0, BLOCKS, self.weights, self.at + off)
@@ -71,13 +71,13 @@ def test_a_day_is_predicted_by_the_real_refit_without_its_block(seed):
 def test_a_fit_that_ended_beside_its_optimum_predicts_as_one_that_reached_it():
     problem = Problem(5)
     inside = BLOCKS == BLOCKS[3]
-    problem.columns[2, ~inside] = 0.0  # one block alone determines the last one
+    problem.columns[2, ~inside] = 0.0  # the last column is determined by one block only
     problem = problem.again()
     reached, beside = problem.held_out(), problem.held_out(np.array([0.01, -0.02, 0.5]))
     for found, expected in zip(beside[:2], reached[:2], strict=True):
         assert found == pytest.approx(expected, rel=1e-9)
     assert beside[2] == pytest.approx(reached[2] - [0.01, -0.02, 0.5], abs=1e-9)
-    assert np.abs(problem.at[2] + reached[2][inside, 2]).max() < 1e-9  # the prior alone is left of it
+    assert np.abs(problem.at[2] + reached[2][inside, 2]).max() < 1e-9  # only its prior remains
 
 
 @pytest.mark.parametrize("misfit", [0.0, 3.0])
@@ -151,7 +151,7 @@ def test_a_gain_that_is_the_same_in_all_blocks_counts_in_full_and_one_of_a_singl
     spread[:], single[4] = 0.5, 5.0
     prior = np.zeros(2)
     sure = probabilities([nothing, spread], prior)
-    assert sure == pytest.approx(softmax([0.0, 5.0]))  # no draw differs
+    assert sure == pytest.approx(softmax([0.0, 5.0]))  # all draws are equal
     assert probabilities([nothing, single], prior)[1] < sure[1] - 0.05
     hopeless = probabilities([nothing, spread, spread - 1.0], np.zeros(3))
     assert hopeless[2] == pytest.approx(softmax([0.0, 5.0, -5.0])[2]) and hopeless[2] < hopeless[0]

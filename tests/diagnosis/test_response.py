@@ -1,4 +1,4 @@
-"""Responses of pools and rivers against their own truth, closed forms and slow transcriptions."""
+"""Test responses of pools and rivers against their own truth, closed forms and slow transcriptions."""
 
 import datetime as dt
 from dataclasses import replace
@@ -30,7 +30,7 @@ rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
 
 
 def column(response, record, name, **values):
-    """What an effect changes in the baseline."""
+    """Return the change of the baseline by an effect."""
     changes = changes_of([CATALOGUE[name](**values)], record.world())
     return response.baseline(record, changes) - response.baseline(record)
 
@@ -56,7 +56,7 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
-    """The steps of the solver once followed the parameters: single days had far too large slopes."""
+    """Regression: the steps of the solver depended on the parameters, and some days had too large slopes."""
     record = season(seed, days=4)
     response = nominal(record, cells=24)
     rng = np.random.default_rng(seed)
@@ -68,7 +68,7 @@ def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
             unit = p.sd * (np.arange(len(sd)) == i)
             there = [response.with_parameters(at + h * unit) for h in (-0.02, -0.01, 0.01, 0.02)]
             far_down, down, up, far_up = (other.baseline(record) - base for other in there)
-            # a curve has the same slope over both; its curvature is in the sums
+            # a curve has the same central slope over both; its curvature is in the sums
             slope, wide = up - down, 0.5 * (far_up - far_down)
             assert (rms_of_days(wide - slope) <= 0.003 * rms_of_days(slope) + 1e-7).all(), p.name
             bend, wide = up + down, 0.25 * (far_up + far_down)
@@ -80,7 +80,7 @@ def rms_of_days(change):
 
 
 def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
-    """Along a sloping pool: the nudge leaves the water in balance, at the dam and half-way."""
+    """Along a sloping pool the nudge keeps the volume in balance, at the dam and in the middle."""
     record = season(4, days=2)
     steep = few(record, slope=1.2e-3, depth=7.0)
     for place in (0.5, 1.0):
@@ -94,7 +94,7 @@ def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
 
 @pytest.mark.parametrize("name, values", [("gate_head_effect", {"gain": 0.4}), ("leakage", {"loss": 150.0})])
 def test_what_follows_the_level_follows_the_observed_one(name, values):
-    """Unlogged water is left as its volume over the area, however fast such an effect lets the level fall."""
+    """The remainder is the unlogged volume over the area, however fast the effect lets the level fall."""
     record = season(4, days=2)
     response = few(record)
     changes = changes_of([CATALOGUE[name](**values)], record.world())
@@ -103,7 +103,7 @@ def test_what_follows_the_level_follows_the_observed_one(name, values):
     left = about.output - response.baseline(about, changes)
     plain = replace(record, output=response.simulate(record, Changes(added=more.added)))
     expected = plain.output - response.baseline(plain)
-    seen = slice(5, None)  # the first readings, of which the mean starts a row
+    seen = slice(5, None)  # exclude the first readings: a row starts at their mean
     off = (left - expected)[:, seen] - (left - expected)[:, seen].mean(axis=1, keepdims=True)
     assert rms(off) < 0.03 * rms(expected[:, seen] - expected[:, seen].mean(axis=1, keepdims=True))
 
@@ -152,7 +152,7 @@ def test_corrections_are_lagged_flows_and_those_of_the_inflow_lie_about_its_arri
         vector = vector_of(response) + scale * (np.array(names) == name)
         added = response.with_parameters(vector).baseline(record) - response.baseline(record)
         np.testing.assert_allclose(added[:, lag:], scale * (flow[:, :-lag] - flow[:, :1]), atol=1e-12)
-    assert response.inflow_lags == (7, 8, 9, 10, 11)  # of the nominal channel, which has banks
+    assert response.inflow_lags == (7, 8, 9, 10, 11)  # lags of the nominal channel, which has banks
 
 
 def test_the_mean_depth_and_width_are_the_same_whatever_the_modes():
@@ -161,7 +161,7 @@ def test_the_mean_depth_and_width_are_the_same_whatever_the_modes():
     vector = vector_of(response)
     vector[6:11] = [0.1, -0.2, 0.1, 0.4, -0.3]
     channel = response.with_parameters(vector).channel
-    assert response.level - channel.bed.mean() == pytest.approx(DEPTH, abs=0.01)  # of 32 cells
+    assert response.level - channel.bed.mean() == pytest.approx(DEPTH, abs=0.01)  # with 32 cells
     assert channel.bottom_width.mean() == pytest.approx(81.6)
 
 
@@ -179,7 +179,7 @@ def test_parameters_stay_inside_their_limits():
 def test_a_row_that_runs_dry_is_simulated_up_to_there():
     record = season(4, days=3)
     outflow = record.outflow.copy()
-    outflow[1] += 250.0  # a metre and a half an hour
+    outflow[1] += 250.0  # 1.5 m per hour
     thirsty = replace(record, outflow=outflow)
     response = few(record)
     level = response.simulate(thirsty)
@@ -190,7 +190,7 @@ def test_a_row_that_runs_dry_is_simulated_up_to_there():
 
 @pytest.mark.parametrize("response", [few, lambda record: pool_of("none")[1]])
 def test_some_days_alone_are_simulated_as_among_all(response):
-    """Effects with dates too, whichever day is the first."""
+    """This also holds for effects with dates, for any first day."""
     record = season(4, days=4)
     reach, dates = response(record), (record.dates[1], record.dates[2])
     effect = CATALOGUE["lateral_inflow"](inflow=(20.0, 5.0), dates=dates)
@@ -201,7 +201,7 @@ def test_some_days_alone_are_simulated_as_among_all(response):
 
 
 def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
-    """A well of 60 s, in a fit that starts at none; without it the reach is longer."""
+    """The well has 60 s, and the fit starts without it; without a well the fitted reach is longer."""
     record = season(5, days=8, lag=60.0)
     response = few(record, length=8300.0, width=80.0)
     start = Model(response, None, record.usual_output, record.usual_flow, 1e-4)
@@ -223,7 +223,7 @@ def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
 
 @pytest.mark.parametrize("response", [few, lambda record: pool_of("none")[1]])
 def test_a_well_that_silts_up_delays_the_reading_on_its_days(response):
-    """On the second day, lead time included, as a response with a lag as long; not from the third day on."""
+    """On day 2, with its lead time, the well acts like a response of the same lag; on day 3 it does not."""
     record = season(4, days=3)
     reach, dates = response(record), (record.dates[0], record.dates[1])
     slow = replace(reach, parameters=(*reach.parameters[:-1], replace(reach.parameters[-1], value=90.0)))
@@ -269,7 +269,7 @@ def test_slopes_agree_with_central_differences(case):
         if p.value == p.low:
             continue
         h = np.zeros(len(start))
-        h[i] = STEP * p.sd  # the slopes are those in the middle of a step of this size
+        h[i] = STEP * p.sd  # the slopes are those in the middle of such a step
         up, down = (response.with_parameters(start + s * h).baseline(record) for s in (0.7, 0.3))
         central = (up - down) / (0.4 * h[i])
         assert rms(slopes[i] - central) < 0.05 * rms(central) + 1e-9, p.name
@@ -318,7 +318,7 @@ def test_the_integrator_is_the_model_of_the_reach():
     record = season(4, days=2)
     response = LinearPool.nominal(record, "none", surface_area=6e5, delay=700.0)
     level = response.baseline(record)
-    for day in range(record.days):  # on a grid of 1 s, which every sample is on
+    for day in range(record.days):  # a grid of 1 s contains every sample
         time = np.arange(record.time[day, 0], record.time[day, -1] + 1.0)
         at = np.searchsorted(record.time[day], time, side="right") - 1
         u, o = record.inflow[day, at], record.outflow[day, at]
@@ -386,7 +386,7 @@ def test_a_surface_that_grows_with_the_level_slows_it():
 
 
 def pulse_after(response, flow=200.0, size=40.0, n=400):
-    """Time since a pulse of inflow a sample long began [s], and what it adds to the discharge."""
+    """Return the time since a one-sample pulse of the inflow began [s], and its effect on the discharge."""
     inflow = np.full(n, flow)
     inflow[60] += size
     record = one_row(inflow)
@@ -401,11 +401,11 @@ def nothing_held(response):
 
 def test_a_pulse_arrives_as_in_a_diffusive_wave():
     after, came = pulse_after(nothing_held(RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.0)))
-    shape = 10_000.0**3 / 2500.0**2  # of scipy's inverse Gaussian with this mean and standard deviation
+    shape = 10_000.0**3 / 2500.0**2  # scipy's inverse Gaussian with this mean and standard deviation
     wave = invgauss(10_000.0 / shape, scale=shape)
     assert (wave.mean(), wave.std()) == pytest.approx((10_000.0, 2500.0))
-    wanted = 40.0 * (wave.cdf(after) - wave.cdf(after - 900.0))  # of a pulse 900 s long
-    assert np.abs(came - wanted).max() < 0.03 * wanted.max()  # of 24 cells
+    wanted = 40.0 * (wave.cdf(after) - wave.cdf(after - 900.0))  # pulse of 900 s
+    assert np.abs(came - wanted).max() < 0.03 * wanted.max()  # tolerance of 24 cells
 
 
 def test_held_water_comes_later_and_none_is_lost():
@@ -416,7 +416,7 @@ def test_held_water_comes_later_and_none_is_lost():
     mean = (came * after).sum() / 40.0
     variance = (came * (after - mean) ** 2).sum() / 40.0
     assert mean == pytest.approx(10_450.0 + held * hold, rel=1e-3)
-    blur = 900.0**2 / 12.0  # of the pulse
+    blur = 900.0**2 / 12.0  # variance of the pulse
     assert variance == pytest.approx(2500.0**2 + held * (2.0 - held) * hold**2 + blur, rel=0.01)
 
 
@@ -427,12 +427,12 @@ def test_high_water_arrives_sooner_by_the_exponent():
     for flow in (150.0, 300.0):
         after, came = pulse_after(response, flow, size=0.1)
         means.append((came * after).sum() / came.sum() - 450.0)
-    # A pulse on a river is a wave: faster than its water by 1 + exponent, as dQ / dA is than Q / A.
+    # A pulse on a river is a wave: faster than the water by 1 + exponent, the ratio of dQ / dA to Q / A.
     assert means[0] / means[1] == pytest.approx(2.0**exponent, rel=0.01)
 
 
 def test_a_river_is_the_row_of_cells_of_its_equations():
-    """Beside scipy's integrator of the same equations, written again."""
+    """Compare with scipy's integrator for the same equations, written independently."""
     rng = np.random.default_rng(4)
     record = one_row(np.repeat(rng.uniform(100.0, 400.0, 20), 6))
     response = nothing_held(RiverResponse.nominal(1e4, 3500.0, 200.0, exponent=0.4))
@@ -468,12 +468,12 @@ def test_a_river_keeps_its_water_whatever_its_flow():
     inflow = np.r_[np.full(60, 200.0), np.repeat(rng.uniform(60.0, 500.0, 60), 4), np.full(200, 200.0)]
     response = RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.8)
     came = response.baseline(one_row(inflow))[0]
-    # Readings are instants: their sum is the volume but for the bends between them.
+    # Readings are instantaneous: their sum is the volume except for the curvature between them.
     assert (came - 200.0).sum() == pytest.approx((inflow - 200.0).sum(), rel=2e-4)
 
 
 def test_a_lateral_flow_of_a_river_travels_the_rest_of_the_reach():
-    """With a delay that no flow changes; what enters at the upper dam goes as what that dam lets go."""
+    """With a constant delay, an inflow at the upper dam acts as a release of that dam."""
     response = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0, exponent=0.0))
     record = one_row(np.full(300, 200.0))
     pulse = np.zeros((1, 300))
@@ -487,12 +487,12 @@ def test_a_lateral_flow_of_a_river_travels_the_rest_of_the_reach():
         came = (response.baseline(record, Changes(added=(AddedFlow(place, pulse),))) - base)[0]
         assert came.sum() == pytest.approx(5.0)
         mean = (came * (record.time[0] - record.time[0, 60])).sum() / 5.0
-        # 12 s: some of what enters half-way spreads upstream first
+        # 12 s: some of an inflow in the middle first spreads upstream
         assert mean - 450.0 == pytest.approx(12_000.0 * (1.0 - place), abs=12.0)
 
 
 def test_a_river_is_the_same_on_a_grid_with_a_short_last_step():
-    """Of 700 s: a day ends with a step of 300 s, and the row goes on at midnight."""
+    """For 700 s a day ends with a step of 300 s, and the row continues at midnight."""
     rng = np.random.default_rng(2)
     clock = np.concatenate([700.0 * np.arange(124), 86_400.0 + 700.0 * np.arange(124)])
     flow = np.repeat(rng.uniform(150.0, 300.0, 50), 5)[:248]

@@ -1,4 +1,4 @@
-"""The JSON of a diagnosis: probabilities, ranking, the share of the error that is removed."""
+"""Test the JSON of a diagnosis: probabilities, ranking, the removed share of the error."""
 
 import dataclasses
 import json
@@ -56,7 +56,7 @@ def test_without_a_ranking_its_fields_are_empty():
 
 
 def test_the_exported_channel_is_the_calibrated_one(tmp_path):
-    """Banks, modes and the time of the gates included."""
+    """It includes banks, modes and the gate time."""
     record = season(4, days=2)
     response = nominal(record).with_parameters(
         vector_of(nominal(record))

@@ -1,4 +1,4 @@
-"""Candidates and their windows against enumerated least squares; fits with one more effect."""
+"""Test candidates and their windows against enumerated least squares, and fits with one more effect."""
 
 import datetime as dt
 from dataclasses import replace
@@ -55,7 +55,7 @@ def test_windows_are_all_of_their_kind_and_their_priors_add_up(dates, days):
 
 
 def base_of(seed, planted=None, trial=None):
-    """An explanation at the optimum of two parameters, and the two columns of a trial."""
+    """Return an explanation at the optimum of two parameters, and the two columns of a trial."""
     rng = np.random.default_rng(seed)
     shape = RECORD.time.shape
     used = RECORD.used
@@ -80,7 +80,7 @@ def base_of(seed, planted=None, trial=None):
 
 
 def refit(base, X, r, w, at, a, b, k):
-    """Gain, coefficients and shift with k columns of a trial on open days a to b, by least squares."""
+    """Return gain, coefficients and shift with k columns of a trial on open days a to b, by least squares."""
     part = np.zeros_like(w[:k])
     part[:, a:b] = w[:k, a:b]
     rows = np.concatenate([X, part.reshape(k, -1)])
@@ -156,7 +156,7 @@ def test_an_error_of_the_gauge_that_is_set_right_shows_on_the_day_after_its_wind
 
 @pytest.mark.parametrize("offset", [-3600.0, -2400.0, 2400.0, 3600.0])
 def test_a_clock_that_is_off_by_many_samples_is_a_candidate_of_its_size(offset):
-    """Half an offset of eight samples left more than none: the fit ended on the other side of zero."""
+    """Regression: half an offset of eight samples was worse than none, and the fit ended beyond zero."""
     dates = dt.date(2008, 4, 8), dt.date(2008, 4, 20)
     record = pools.season(7, 25, (CATALOGUE["clock_offset"](offset=offset, dates=dates),))
     one = pools.explained(record)
@@ -189,7 +189,7 @@ def test_windows_near_by_are_those_that_differ_at_one_end_by_an_open_day_or_an_h
     before = counted(at)
     moved = [counted(dates) for dates, hours in near if dates != at]
     assert sorted(moved) == sorted([before[1:], (8, *before), before[:-1], (*before, 20)])
-    season = (days[0], days[19])  # its first day is the season's, and stays
+    season = (days[0], days[19])  # its first day is the season's, and remains
     assert all(dates[0] == days[0] for dates, _ in windows_near((season, None), record, open_days))
     assert windows_near((None, (0.0, 23.0)), record, open_days) == [
         (None, (1.0, 23.0)), (None, (0.0, 22.0)),
@@ -206,7 +206,7 @@ def test_scores_scatter_as_the_noise_has_it_or_more():
     block = np.sqrt(information) * rng.standard_normal((2, 200))[:, label]  # the same on the days of a block
     assert inflation_of(block, information, label) == pytest.approx(3.0, rel=0.25)
     assert inflation_of(0.1 * score, information, label) == 1.0
-    score[:, label < 30] *= 20.0  # bad days do not count, as long as they are few
+    score[:, label < 30] *= 20.0  # bad days have no influence while they are few
     assert inflation_of(score, information, label) < 2.0
 
 
@@ -225,7 +225,7 @@ def test_the_best_run_of_hours_is_that_of_all_runs(sign):
     s, A, X = rng.standard_normal((3, 24)), rng.standard_normal((3, 24, 40)), rng.standard_normal((3, 24, 2))
     whole = A @ A.swapaxes(1, 2)
     left = whole - 0.2 * X @ X.swapaxes(1, 2)
-    left[2, :, :] = 0.01 * whole[2]  # nothing that the response cannot do
+    left[2, :, :] = 0.01 * whole[2]  # the response explains all of it
     gains, starts, lengths = _best_hours(s, left, whole, sign)
     for i in range(2):
         best = (-np.inf, 0, 0)
@@ -282,7 +282,7 @@ def test_columns_of_hours_are_convolutions_with_the_step_response():
 
 
 def likelihood(one, record):
-    """Log-posterior of the open days."""
+    """Return the log-posterior of the open days."""
     left = np.where(record.used, one.residual, np.nan)
     worth = one.noise.log_likelihood(left, record.activity) @ one.weights
     off = [(p.value - p.mean) / p.sd for p in one.model.reach.parameters]
@@ -343,7 +343,7 @@ def test_steps_of_the_gauge_are_events_with_a_price():
     assert one.price.sum() == pytest.approx(2 * found.price) and set(np.flatnonzero(one.price)) == {1, 6}
     assert one.active(record, one.added).sum() >= 2 and (one.coded == found.coded).all()
     assert [e.name for e in one.whole.effects] == ["sensor_step"] and one.model.effects == ()
-    assert with_events(one, CATALOGUE["sensor_step"], KERNELS, record, 0.0) is None  # none is left
+    assert with_events(one, CATALOGUE["sensor_step"], KERNELS, record, 0.0) is None  # no event remains
 
 
 def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
@@ -355,12 +355,12 @@ def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
     assert windy.noise.level_sd > 0.01 and windy.model.noise_kind == "wind"
     assert windy.added.deviation == windy.noise.level_sd and windy.added.name == "wind_setup"
     assert likelihood(windy, record) > likelihood(parent, record) + 100.0
-    assert with_noise(windy, CATALOGUE["wind_setup"], record, 0.0) is None  # it has one
+    assert with_noise(windy, CATALOGUE["wind_setup"], record, 0.0) is None  # it already has one
     pond = replace(parent, model=replace(parent.model, effects=(CATALOGUE["side_storage"](),), free=((),)))
     other = with_noise(parent, CATALOGUE["wind_setup"], record, -2.0, latent=[pond])
-    assert other.names == ("wind_setup",)  # what begins at another's model has its effects
+    assert other.names == ("wind_setup",)  # a fit from another's model has its effects
     quick = pools.season(5, 10, (CATALOGUE["wind_setup"](deviation=0.03, correlation_time=0.1),))
-    parent = pools.explained(quick)  # no wind turns in 6 min
+    parent = pools.explained(quick)  # wind does not change within 6 min
     assert with_noise(parent, CATALOGUE["wind_setup"], quick, 0.0) is None
     quiet = pools.explained(pools.season(3, days=10))
     assert with_noise(quiet, CATALOGUE["seiche"], pools.season(3, days=10), 0.0) is None

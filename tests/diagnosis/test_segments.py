@@ -1,4 +1,4 @@
-"""Segments of daily scores against enumeration, planted dates, and seasons with nothing in them."""
+"""Test segments of daily scores against enumeration, planted dates, and seasons without effects."""
 
 from itertools import product
 
@@ -14,13 +14,13 @@ DAYS, BLOCK = 60, 3
 
 
 def windows(found):
-    """First and last day of each segment with the effect."""
+    """Return the first and last day of each segment with the effect."""
     ends = zip(found.bounds[:-1], found.bounds[1:], found.on, strict=True)
     return [(int(a), int(b) - 1) for a, b, on in ends if on]
 
 
 def season(seed, correlation, days=DAYS):
-    """Scores of unit variance with days correlated within blocks."""
+    """Return scores of unit variance, correlated within blocks."""
     rng = np.random.default_rng(seed)
     block = np.arange(days) // BLOCK
     shared = rng.standard_normal(days)[block]
@@ -29,7 +29,7 @@ def season(seed, correlation, days=DAYS):
 
 
 def every_cut(n, shortest, rest):
-    """All bounds, with on or off for each segment; neighbours are not both off."""
+    """Yield all bounds, with on or off for each segment; no two neighbours are both off."""
     for cuts in product([False, True], repeat=n - 1):
         bounds = [0, *(i + 1 for i, cut in enumerate(cuts) if cut), n]
         for on in product([True] if rest == "free" else [False, True], repeat=len(bounds) - 1):
@@ -79,7 +79,7 @@ def test_a_season_with_nothing_is_cut_as_often_as_its_level(rest, correlation, s
             x, block = season(seed, correlation)
             found = segment(x, np.ones(DAYS), block, rest=rest, level=level, draws=99, seed=seed + 10_000)
             cut += found.found
-        # An estimated correlation makes the level approximate: up to half as much again.
+        # With an estimated correlation the level is approximate: up to half as much again.
         error = np.sqrt(level * (1 - level) / seasons)
         assert 0.5 * level - 3 * error <= cut / seasons <= 1.5 * level + 3 * error
 
@@ -109,7 +109,7 @@ def test_a_window_has_its_size_within_its_error(seasons):
         longest = int(np.argmax(np.diff(found.bounds) * found.on))
         deviation.append((found.size[longest] - 4.0) / found.size_se[longest])
     assert np.abs(np.mean(deviation)) < 0.5
-    assert 0.7 < np.std(deviation) < 1.5  # the inflation is known to some 40 % in a season
+    assert 0.7 < np.std(deviation) < 1.5  # a season gives the inflation to about 40 %
 
 
 def test_a_window_has_one_sign_and_any_scale():

@@ -1,4 +1,4 @@
-"""A seiche found in innovations: against slow sums, planted swings, machines and nothing."""
+"""Test a seiche in innovations against slow sums, with planted oscillations, machines and neither."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ NOISE = NoiseModel(0.003, 0.0005, 1.5, 20_000.0, 0.0, 3600.0, T, 6.7e5)
 
 
 def residual(rng, days, swing=None):
-    """A level that stores an unknown inflow, a gauge's noise, and a swing of the gauge."""
+    """Return a level that stores an unknown inflow, gauge noise, and an oscillation of the gauge."""
     rho = np.exp(-T / NOISE.inflow_memory)
     w = np.empty((days, N))
     w[:, 0] = NOISE.inflow_sd * rng.standard_normal(days)
@@ -28,7 +28,7 @@ def residual(rng, days, swing=None):
 
 
 def wandering(rng, days, period, damping, amplitude):
-    """The damped oscillation, drawn step by step from its own start."""
+    """Return the damped oscillation, drawn step by step from its stationary start."""
     (a1, a2), innovation = SEICHE(period=period, damping=damping, amplitude=amplitude).autoregression(T)
     x = np.zeros((days, N + 400))
     for k in range(2, x.shape[1]):
@@ -80,7 +80,7 @@ def test_a_swing_is_found_with_its_period_damping_and_size(seed):
     ("period", "damping", "amplitude"), [(1740.0, 1.1e-4, 0.014), (3940.0, 1.3e-4, 0.014)]
 )
 def test_a_narrow_line_is_not_taken_for_a_steady_one(period, damping, amplitude):
-    """Some starts end at a steady oscillation, 60 nats behind."""
+    """Some starts of the fit end at a steady oscillation, 60 nats worse."""
     for seed in range(3):
         rng = np.random.default_rng([seed, 2])
         one, *_ = found(residual(rng, 23, wandering(rng, 23, period, damping, amplitude)))

@@ -1,4 +1,4 @@
-"""The spectrum of innovations against slow sums, days of white noise, and planted oscillations."""
+"""Test the spectrum of innovations against slow sums, days of white noise, and planted oscillations."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ T = 133.0
 
 
 def white(seed, days=20, n=240):
-    """White innovations with gaps, and which samples are used."""
+    """Return white innovations with gaps, and the mask of used samples."""
     rng = np.random.default_rng(seed)
     used = np.ones((days, n), bool)
     used[:, :15] = False
@@ -43,7 +43,7 @@ def test_white_innovations_have_power_one_and_exceed_the_limit_at_its_level(seas
         _, ratio, limit, one = spectrum(*white(seed), T, level=level, draws=99, seed=seed + 1000)
         power.append(one)
         above += ratio > limit
-    error = 1.0 / np.sqrt(20 * seasons)  # of a mean of exponential variables, and of the bootstrap's
+    error = 1.0 / np.sqrt(20 * seasons)  # error of a mean of exponential variables, and of the bootstrap
     assert np.abs(np.mean(power, axis=0) - 1.0).max() < 4.5 * error
     assert abs(above / seasons - level) <= 3 * np.sqrt(level * (1 - level) / seasons)
 
@@ -83,7 +83,7 @@ RECORD = (np.arange(60.0 * 96) * 900.0).reshape(60, 96)
 
 
 def colored(seed):
-    """Weather of 5 m3/s with a memory of 3 h, and every ninth day missing."""
+    """Return weather of 5 m3/s with a memory of 3 h, with every ninth day missing."""
     rng = np.random.default_rng(seed)
     phi = np.exp(-900.0 / 10_800.0)
     steps = 5.0 * np.sqrt(1.0 - phi**2) * rng.standard_normal(RECORD.size)

@@ -1,4 +1,4 @@
-"""The whole workflow on short seasons of the linear pool whose truth is known."""
+"""Test the whole workflow on short seasons of the linear pool of known truth."""
 
 import datetime as dt
 from dataclasses import replace
@@ -35,7 +35,7 @@ def number(effect, name):
 
 
 class Broken:
-    """A response that cannot be run."""
+    """A response that raises when it is run."""
 
     name = "broken"
     parameters = ()
@@ -68,8 +68,8 @@ def test_nothing_is_named_where_nothing_is_missing_and_a_broken_response_is_pass
 
 def test_a_daily_wave_is_named_with_its_size_and_hour_and_closes_the_gap():
     record = season(CATALOGUE["diurnal_inflow"](amplitude=20.0, hour=9.0))
-    # The whole catalogue: among two names an unknown daily flow has an eighth of the chance of each a priori,
-    # and keeps 0.1 of the probability.
+    # With the whole catalogue: among two names an unknown daily flow has a prior probability of an eighth,
+    # and a probability of 0.1 remains.
     result, evidence = answer(record, *CATALOGUE, floor=(0.01, 0.02, 0.03))
     assert result.verdict == "explained", result.reason
     (effect,) = result.effects
@@ -123,7 +123,7 @@ def test_steps_of_the_gauge_are_named_with_their_times():
 
 
 def test_a_cause_that_is_in_no_library_gets_no_name():
-    """A daily wave of 40 m3/s, where only a late gate, steps of the gauge and releases may be named."""
+    """The cause is a daily wave of 40 m3/s; only a late gate, gauge steps and releases may be named."""
     record = season(CATALOGUE["diurnal_inflow"](amplitude=40.0, hour=9.0))
     result, _ = answer(record, "outflow_lag", "sensor_step", "unlogged_upstream_release")
     assert result.verdict == "unknown" and not result.effects, result.reason
@@ -161,7 +161,7 @@ def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
 
 
 def test_a_clock_of_two_days_is_named_where_its_dates_are_known():
-    """Two days are fewer than any window of the search, and an hour is more than any of its trials."""
+    """Two days are shorter than any window of the search, and an hour is longer than any of its trials."""
     first = season().dates[15]
     hidden = CATALOGUE["clock_offset"](offset=-3600.0, dates=(first, first + dt.timedelta(days=1)))
     record = season(hidden)
@@ -170,7 +170,7 @@ def test_a_clock_of_two_days_is_named_where_its_dates_are_known():
     assert effect.name == "clock_offset" and effect.where.dates == hidden.dates
     assert number(effect, "offset").value == pytest.approx(-3600.0, abs=60.0)
     assert not answer(record, "clock_offset", "sensor_step")[0].effects
-    result, _ = answer(record, "outflow_lag", "sensor_step", dated=(rough,))  # it may not be named
+    result, _ = answer(record, "outflow_lag", "sensor_step", dated=(rough,))  # it is not in the library
     assert "clock_offset" not in {name for row in result.ranking for name in row.names}
 
 
@@ -241,7 +241,7 @@ def explained_by(*names):
 
 @pytest.mark.parametrize(("response", "levelled"), [("linear", 1), ("another", 0)])
 def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, levelled):
-    """The columns of a candidate are those of its response: with another one the diagnosis ended."""
+    """Regression: a candidate's columns belong to its response; with another response the diagnosis ended."""
     nothing = explained()
     leak = explained("leakage", 9.0, 0.5, parent=nothing)
     lead = explained("rain_inflow", 9.0, 0.5, parent=leak)
@@ -257,7 +257,7 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
 
 
 def test_the_lead_takes_a_share_of_the_error():
-    """Ponds gained 600 nats at fronts and no error, and a gain, which took half of it, was not extended."""
+    """Regression: ponds gained 600 nats but no error, so a gain that took half of it was not extended."""
     nothing = explained()
     pond = explained("side_storage", 60.0, 0.0, parent=nothing)
     gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
@@ -272,7 +272,7 @@ def test_the_lead_takes_a_share_of_the_error():
 
 @pytest.mark.parametrize("found", [True, False])
 def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatch, found):
-    """The likeliest effect is immaterial; beside it, not alone, another one matters, or none does."""
+    """The likeliest effect is immaterial; with it, but not alone, another one is material, or none is."""
     first = explained()
     small = explained("wave_attenuation", 50.0, parent=first)
     both = explained("leakage", 60.0, parent=small)
@@ -297,7 +297,7 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
         def lead(self):
             return both if found and small.names in extended else first
 
-        def __getattr__(self, name):  # what fits the lead on
+        def __getattr__(self, name):  # methods that fit the lead further
             return lambda one, *more: one
 
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
@@ -335,7 +335,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
 
 
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
-    """The gauge's errors gave the lead 30 nats, and its twin none."""
+    """Regression: the gauge's errors gave the lead 30 nats, and its twin none."""
     nothing = explained()
     leak = explained("leakage", 9.0, 0.5, parent=nothing)
     rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing)
@@ -382,7 +382,7 @@ def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
 
 
 def test_a_response_that_leaves_what_the_sealed_days_allow_begins_where_it_carried_them(monkeypatch):
-    """On one sealed day the fitted reach had no steady flow, and the diagnosis ended."""
+    """Regression: on one held-out day the fitted reach had no steady flow, and the diagnosis ended."""
     record = pools.season(5, DAYS, T_s=T_S)
     search = _Search(
         record, (pools.nominal(record),), {"leakage": CATALOGUE["leakage"]}, pools.GAUGE_FLOOR, (), print

@@ -19,7 +19,7 @@ from rivid.effects.flow import (
 from rivid.errors import ConfigError
 from tests.effects.worlds import FIRST, samples_of, world
 
-DATES = (FIRST, FIRST + dt.timedelta(days=9))  # over the end of the month
+DATES = (FIRST, FIRST + dt.timedelta(days=9))  # across the end of the month
 
 
 def added(effect, here):
@@ -42,7 +42,7 @@ def test_a_slow_inflow_runs_straight_between_its_values_over_the_dates(rows):
     here = world(days=12, rows=rows)
     flow = added(LateralInflow(inflow=(1.0, 5.0, -2.0), dates=DATES), here).flow
     for t, q in zip(here.time.ravel().tolist(), flow.ravel().tolist(), strict=True):
-        half = t / 86_400 / 5.0  # ten days: the middle value is five days from the first midnight
+        half = t / 86_400 / 5.0  # for ten days the middle value is five days from the first midnight
         if not 0 <= half < 2:
             assert q == 0.0
         else:
@@ -102,7 +102,7 @@ def test_an_unknown_flow_in_pulses_is_their_sum_and_has_no_name():
     here = world(days=2)
     starts, sizes, lasts = (3.0, 3.5, 30.0), (5.0, 2.0, 7.0), (2.0, 4.0, 0.1)
     (one,) = PassingFlow.from_events(starts, sizes, lasts).changes(here).added
-    T = here.sample_time / 3600.0  # means over a sample, in small steps
+    T = here.sample_time / 3600.0  # sample means, in small steps
     at = here.time[..., None] / 3600.0 + (np.arange(1000) + 0.5) / 1000.0 * T
     fine = sum(q * ((at >= a) & (at < a + d)) for a, q, d in zip(starts, sizes, lasts, strict=True))
     assert one.flow == pytest.approx(fine.mean(axis=-1), abs=0.02)

@@ -23,7 +23,7 @@ def gauge(effect, here):
 
 
 def autocovariance(model, lag):
-    """From the spectral density of an autoregression."""
+    """Return the autocovariance from the spectral density of an autoregression."""
     a, innovation = model
 
     def density(x):
@@ -100,7 +100,7 @@ def test_drawn_series_have_the_law_of_their_autoregression_from_the_first_sample
     here = world(0, days=1, lead=0)
     here = replace(here, time=here.time[:150], inflow=here.inflow[:150])
     drawn = np.array([gauge(effect, replace(here, seed=(seed,))) for seed in range(1500)])
-    for k in (0, 1, 100):  # stationary: the same at the start as later
+    for k in (0, 1, 100):  # stationary: the start has the same variance
         for lag in (0, 1, 3, 10):
             products = drawn[:, k] * drawn[:, k + lag]
             error = products.std() / math.sqrt(len(products))
@@ -144,7 +144,7 @@ def test_wind_and_seiche_act_in_their_hours_and_by_their_size(effect):
 
 @pytest.mark.parametrize("shares", [(0.03, -0.04, 0.0, 0.01), (0.0, 0.2, -0.1, 0.0)])
 def test_the_trial_of_a_tide_is_its_waves(shares):
-    """Columns times coefficients are the effect that is made of them."""
+    """Columns times coefficients are the effect that is built from them."""
     here = world(days=5)
     (trial,) = Tide.trials(here)
     columns = [e.changes(here).gauge / size for e, size in zip(trial.effects, trial.sizes, strict=True)]

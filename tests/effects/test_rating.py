@@ -1,4 +1,4 @@
-"""A shifted rating: what it does to a river's reading, no inflow stands for it, and a pool has none."""
+"""Test a shifted rating: its effect on a river's reading, that no inflow replaces it; a pool has none."""
 
 import dataclasses
 
@@ -40,7 +40,7 @@ def test_a_shifted_rating_is_not_taken_for_an_inflow():
     off = dataclasses.replace(record, output=record.output * (1.0 + 0.04 * later[:, None]))
     names = ("inflow_gain_error", "lateral_inflow", "rating_shift")
     study = find_effects(off, responses_of(SETTINGS, off), {name: CATALOGUE[name] for name in names}, most=1)
-    assert not study.sure and "rating_shift" in study.group  # tied with what shifts the balance as well
+    assert not study.sure and "rating_shift" in study.group  # tied with other shifts of the balance
     (shift,) = next(one.effects for one, _ in study.ranking if one.names == ("rating_shift",))
     before = shift.dates[0] == record.dates[0]  # the response may be that of the days after
     assert shift.dates[1 if before else 0] == record.dates[19 if before else 20]

@@ -81,7 +81,7 @@ def test_two_of_a_kind_and_two_kinds_are_drawn_apart():
     assert twice[0] and twice[1] and twice[0] != twice[1]
     swing = [Seiche(amplitude=0.1), WindSetup(deviation=0.1 / 2**0.5)]
     x, y = (one.changes(seen).gauge for one, seen in zip(swing, worlds_of(swing, here), strict=True))
-    # shared innovations would show at once: their correlation is that of 1 / sqrt(n)
+    # shared innovations would be visible: independent ones have correlations of about 1 / sqrt(n)
     a, b = (one.autoregression(133.0)[0] for one in swing)
     e = x[2:] - a[0] * x[1:-1] - a[1] * x[:-2]
     f = y[2:] - b[0] * y[1:-1]

@@ -17,7 +17,7 @@ def flow_of(effect, here, place):
 
 
 def rain_at(second, start, peak, rise, recession):
-    """A shower at one time, all in seconds."""
+    """Return the flow of a single shower, all times in seconds."""
     since = second - start
     if since <= 0:
         return 0.0
@@ -79,7 +79,7 @@ def test_events_have_their_mean_number_and_size():
     mean = 300.0 * days / 30
     assert np.mean(counts) == pytest.approx(mean, abs=4 * math.sqrt(mean / len(seeds)))
     assert np.mean(peaks) == pytest.approx(8.0, abs=4 * 8.0 / math.sqrt(len(peaks)))
-    # exponential: as many below the median as above
+    # exponential intervals: half of them are below the median
     below = np.mean(np.array(peaks) < 8.0 * math.log(2))
     assert below == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(len(peaks)))
 

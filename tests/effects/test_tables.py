@@ -1,4 +1,4 @@
-"""What holds for every effect of the catalogue: tables, limits, windows."""
+"""Test properties of every effect of the catalogue: tables, limits, windows."""
 
 import datetime as dt
 import json
@@ -20,7 +20,7 @@ EVENTS = {"rain_inflow", "unlogged_downstream_release"}
 
 @pytest.fixture(params=CATALOGUE)
 def effect(request):
-    """Each effect, with values of its own."""
+    """Return each effect, with its own values."""
     one = CATALOGUE[request.param]
     values = {}
     for key, spec in one.parameters().items():
@@ -34,7 +34,7 @@ def effect(request):
 
 
 def touched(changes, here):
-    """Where a change is anything at all, shape of the time grid; arrays of one value hold for all samples."""
+    """Return where a change acts, with the shape of the time grid; one value holds for all samples."""
     gate = changes.gate
     parts = [gate.dead_band != 0, np.isfinite(gate.rate), gate.lag != 0, gate.factor != 1, gate.head != 0]
     parts += [a.flow != 0 for a in changes.added] + [a.loss != 0 for a in changes.leaks]
@@ -131,7 +131,7 @@ def test_an_effect_is_only_where_its_dates_and_hours_allow(effect, rows):
     assert (replace(effect, dates=None, hours=(0, 24)).active(here) == 1.0).all()
     hour = here.time / 3600 % 24
     there = (here.time >= 86_400) & (here.time < 4 * 86_400) & ((hour >= 21.5) | (hour < 5.0))
-    if effect.name in EVENTS:  # the beginnings are limited: to that of 27.25 h, not that of 3.5 h
+    if effect.name in EVENTS:  # the starts are limited: to that of 27.25 h, not that of 3.5 h
         assert [e["start_h"] for e in effect.events(here)] == [27.25]
         assert not where[here.time < 27.25 * 3600 - 133].any()
     else:

@@ -24,7 +24,7 @@ MAPS = [
 
 
 def pulse_world(sample_time=133.0, rows=False):
-    """The inflow differs from its base only in the middle, so that nothing leaves the record."""
+    """Return a world with an inflow that differs from its base only in the middle of the record."""
     here = world(4, days=3, sample_time=sample_time, rows=rows)
     hour = here.hour if rows else here.time / 3600.0 + 24.0
     middle = (hour > 8) & (hour < 16) if rows else (hour > 30) & (hour < 66)
@@ -99,12 +99,12 @@ def test_each_flow_comes_by_its_own_delay(delay):
     n, low, high = len(slow) - 4000, here.inflow.min(), here.inflow.max()
     levels = low + (high - low) * (np.arange(1000) + 0.5) / 1000
     moved = np.full(n, low)
-    for q in levels:  # water above q, as long as the inflow is above q, D(q) later
+    for q in levels:  # water above q arrives D(q) later, as long as the inflow is above q
         D = round(delay * (q - here.flow))
         moved += (slow[2000 - D : 2000 - D + n] > q) * (high - low) / 1000
     expected = samples_of(here.time, moved, 120.0)
     real = FlowDependentDelay(delay=delay).changes(here).inflow
-    # a layer of 1/64 of the range is off by half its width at most, the reference by half a second
+    # a layer of 1/64 of the range is wrong by half its width at most, the reference by half a second
     off = abs(delay) * (high - low) / 64 / 2 + 0.5
     steps = np.abs(np.diff(here.inflow)).max()
     assert np.abs(real - expected).max() < 2 * off * steps / 120.0
@@ -147,7 +147,7 @@ def test_the_grid_of_a_day_ends_at_midnight():
 
 
 def test_a_clock_that_drifts_is_off_by_more_each_day():
-    """Against a clock with the offset of each day's middle, to what it gains within half a day."""
+    """Compare with a clock that has the offset of each day's middle, to the drift within half a day."""
     here = world(days=6)
     first = FIRST + dt.timedelta(days=2)
     drifts = (
@@ -168,7 +168,7 @@ def test_a_clock_that_drifts_is_off_by_more_each_day():
 
 
 def test_water_under_ice_comes_late_by_the_cover_and_none_is_lost():
-    """Each second's water is followed alone to its time of arrival."""
+    """Each second of water is routed separately to its time of arrival."""
     here = world(days=8, sample_time=300.0)
     first = FIRST + dt.timedelta(days=1)
     ice = IceCover(late=1500.0, spread=0.0, growth=4.0, breakup=1.0, dates=(first, first + dt.timedelta(5)))
@@ -179,7 +179,7 @@ def test_water_under_ice_comes_late_by_the_cover_and_none_is_lost():
     late = np.maximum.accumulate(t + 1500.0 * thick)
     expected = np.histogram(late, here.edges, weights=slow)[0] / 300.0
     real = ice.changes(here).inflow
-    # A second of water may fall to either side of an edge; the root's beginning is a line within a sample.
+    # A second of water may be on either side of an edge; the root starts linearly within a sample.
     inside = np.abs(here.time - 86_400.0) > 600.0
     assert real[inside] == pytest.approx(expected[inside], abs=3.0 * here.inflow.max() / 300.0)
     assert np.abs(real - here.inflow).max() > 20.0

@@ -141,7 +141,7 @@ def test_a_missing_file_a_directory_and_another_kind_of_file_are_refused(tmp_pat
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """An installed package that offers effects."""
+    """Install a package that offers effects."""
 
     def install(points, text=LADDER):
         (tmp_path / "ladder_package.py").write_text(text, encoding="utf-8")

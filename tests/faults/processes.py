@@ -1,4 +1,4 @@
-"""Runs as processes of their own, to be killed, stopped and watched."""
+"""Runs as processes, to be killed, stopped and observed."""
 
 import os
 import random
@@ -13,17 +13,17 @@ import psutil
 
 WORDS = [sys.executable, "-m", "rivid"]
 GONE_WITHIN = 2.0
-"""How long what belongs to a run may outlive it [s]."""
+"""Time within which all processes of a run must end [s]."""
 
 
 def start(*words, **options):
-    """Start the command; its words on stderr are kept."""
+    """Start the command; its stderr is kept."""
     given = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True} | options
     return subprocess.Popen([*WORDS, *map(str, words)], **given)
 
 
 def family(child):
-    """All processes that the child has started by now."""
+    """Return all processes that the child has started by now."""
     try:
         return psutil.Process(child.pid).children(recursive=True)
     except psutil.NoSuchProcess:
@@ -31,7 +31,7 @@ def family(child):
 
 
 def end(child, number):
-    """Send a signal and wait: the exit code, the seconds, and the processes that stayed."""
+    """Send a signal and wait; return the exit code, the seconds, and the remaining processes."""
     others = family(child)
     child.send_signal(number)
     began = time.monotonic()
@@ -44,7 +44,7 @@ def end(child, number):
 
 
 def remaining(others):
-    """Those that still run when they should be gone; a zombie is dead, only not yet fetched by init."""
+    """Return the processes that still run after the time limit; a zombie is dead and only waits for init."""
 
     def runs(process):
         try:
@@ -57,7 +57,7 @@ def remaining(others):
 
 
 def wait_until(true, seconds=60.0):
-    """Wait for something to become true; whether it did."""
+    """Wait for a condition; return whether it was reached."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         if true():
@@ -67,7 +67,7 @@ def wait_until(true, seconds=60.0):
 
 
 def is_locked(path: Path) -> bool:
-    """Whether a process holds a lock on the file, asked of the kernel, without touching the lock."""
+    """Return whether a process holds a lock on the file, from the kernel, without touching the lock."""
     try:
         inode = path.stat().st_ino
     except FileNotFoundError:
@@ -77,7 +77,7 @@ def is_locked(path: Path) -> bool:
 
 @contextmanager
 def forked(action):
-    """A fork of this process that does `action` and is gone; gives its exit code, negative for a signal."""
+    """Run `action` in a fork of this process; return its exit code, negative for a signal."""
     pid = os.fork()
     if pid == 0:
         try:
@@ -89,7 +89,7 @@ def forked(action):
 
 
 def moments(seed, n, first, last):
-    """Random moments [s] in which something happens to a run."""
+    """Draw random moments [s] for an event during a run."""
     dice = random.Random(seed)
     return [dice.uniform(first, last) for _ in range(n)]
 

@@ -1,7 +1,7 @@
-"""A pytest plugin (``-p tests.faults.recording``): outcomes, and what was tried, to a JSON file.
+"""Plugin of pytest (``-p tests.faults.recording``) that writes outcomes and injections to a JSON file.
 
-Where ``RIVID_FAULTS`` names a file, each test that ran is kept there with its outcome, its seconds and the
-notes of the fixture `tried`. ``python -m benchmarks.reliability`` makes docs/reliability.md of it.
+If ``RIVID_FAULTS`` names a file, each test is recorded there with its outcome, duration [s] and the notes of
+the fixture `tried`. ``python -m benchmarks.reliability`` builds docs/reliability.md from it.
 """
 
 import json
@@ -12,7 +12,7 @@ TESTS: dict[str, dict] = {}
 
 
 def pytest_runtest_logreport(report):
-    """Keep the outcome; a failure in any phase is the test's."""
+    """Record the outcome; a failure in any phase counts as a failure of the test."""
     kept = TESTS.setdefault(report.nodeid, {"outcome": "passed", "seconds": 0.0, "tried": []})
     kept["seconds"] += report.duration
     if report.outcome != "passed":
@@ -22,7 +22,7 @@ def pytest_runtest_logreport(report):
 
 
 def pytest_sessionfinish(session):
-    """Write what was kept, once: not in the processes of xdist."""
+    """Write the record once: not in the processes of xdist."""
     path = os.environ.get("RIVID_FAULTS")
     if path and not hasattr(session.config, "workerinput"):
         Path(path).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The faults that rivid must withstand: each with what must happen and the tests that inject it.
+"""The faults that rivid must withstand, each with the expected result and the tests that inject it.
 
 Notes of the fixture `tried` state what a test injects and how often; other tests are listed by their names.
 """
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Row:
-    """A fault, what must happen, and its tests (`file::name`, or `file::` for all of a file)."""
+    """A fault, the expected result, and its tests (`file::name`, or `file::` for all tests of a file)."""
 
     fault: str
     expected: str
@@ -181,11 +181,11 @@ An upgrade; results of another version
       test_damaged_results_are_refused_by_readers_and_replaced_by_a_run
       test_segments_with_other_columns_are_dropped_and_their_days_done_again
 """
-"""Not indented: a fault. "->": what must happen. "file:": its tests in that file; "*" is all of them."""
+"""Without indentation: a fault. "->": the expected result. "file:": its tests in a file; "*": all tests."""
 
 
 def read_rows(text: str) -> list[Row]:
-    """The rows of :data:`TEXT`."""
+    """Return the rows of :data:`TEXT`."""
     rows: list[Row] = []
     for line in filter(None, text.splitlines()):
         if not line.startswith(" "):

@@ -1,4 +1,4 @@
-"""Bombs in every command that reads: refused within seconds and without the memory that they declare."""
+"""Test bombs in every command that reads: refused within seconds, without the memory that they declare."""
 
 import gzip
 import resource
@@ -15,7 +15,7 @@ from tests.logs.helpers import DAY
 from tests.run.test_run import command
 
 MEMORY = 3 << 30
-"""Limit of the address space [B]: what numpy and Arrow map, and 1 GB more."""
+"""Limit of the address space [B]: the mappings of numpy and Arrow, and 1 GB."""
 
 
 def gz(path):
@@ -67,7 +67,7 @@ BOMBS = {
 
 
 EXPORTS = ("gzip of 2.6 million rows",)
-"""Too large for a day, not for an export of many years."""
+"""Too large for a day, but not for an export of many years."""
 
 
 def limited():
@@ -88,7 +88,7 @@ def test_bombs_are_refused_by_every_command_that_reads(tmp_path, tried, kind):
     for words, codes in (
         (("run", data, "--out", tmp_path / "out", "--no-figures"), (3,)),
         (("check", data), (3,)),
-        (("sniff", bomb), (0, 1, 2)),  # the first rows will do
+        (("sniff", bomb), (0, 1, 2)),  # the first rows are sufficient
         (("ingest", bomb, "--out", tmp_path / "logs", "--config", config), (1, 2)),
     )[: 3 if kind in EXPORTS else 4]:
         began = time.monotonic()

@@ -1,4 +1,4 @@
-"""`rivid check` of anything: a report or a line, never a traceback, never a number that is none."""
+"""Test `rivid check` on arbitrary data: a report or a line, never a traceback or an invalid number."""
 
 import datetime as dt
 import json
@@ -21,12 +21,12 @@ from tests.logs.helpers import DAY, config
 from tests.run.test_run import command
 
 LARGEST = 1e6
-"""No reading lets larger numbers through."""
+"""Largest number that the reader accepts."""
 
 
 @st.composite
 def series(draw, n):
-    """A column of a day: steps, noise, a spike, nothing, at any scale and place that may be read."""
+    """Draw a column of a day: steps, noise, a spike, nothing, at any readable scale and offset."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     steps = np.cumsum((rng.random(n) < 0.1) * rng.normal(size=n))
     noise, k = rng.normal(size=n), np.arange(n)
@@ -38,7 +38,7 @@ def series(draw, n):
 
 @st.composite
 def records(draw):
-    """Days of any content and length, with days between them that are missing."""
+    """Draw days of any content and length, with missing days between them."""
     kind = draw(st.sampled_from(["pool", "pool", "river", "no outflow"]))
     days = []
     for k in sorted(draw(st.sets(st.integers(0, 12), min_size=1, max_size=9))):

@@ -1,4 +1,4 @@
-"""A hostile configuration is refused in one line, exit 2, whatever it is."""
+"""Test that a hostile configuration is refused in one line, with exit code 2."""
 
 import json
 import string
@@ -44,7 +44,7 @@ VALUES = st.recursive(
 
 @st.composite
 def tomls(draw):
-    """A configuration of true and made-up keys with values of any kind."""
+    """Draw a configuration of real and invented keys with values of any kind."""
     lines = []
     for table in draw(st.lists(st.sampled_from([*TABLES, "reech"]), min_size=1, max_size=3, unique=True)):
         lines.append(f"[{table}]")
@@ -56,7 +56,7 @@ def tomls(draw):
 
 
 def refused_in_one_line(path):
-    """Whether the configuration is refused; anything but an answer or one line is the test's failure."""
+    """Return whether the configuration is refused; fail on anything but a result or one line."""
     try:
         build(load_config(path))
     except RividError as error:

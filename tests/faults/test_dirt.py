@@ -1,4 +1,4 @@
-"""Logs with dirt of every kind, made by a generator that knows the truth: masked, told, or refused."""
+"""Test logs with errors of every kind and known truth: each error is masked, reported or refused."""
 
 import datetime as dt
 
@@ -24,7 +24,7 @@ TRUTH = a_day(DAY)[1:]
 
 @st.composite
 def dirty(draw):
-    """Rows with dirt in them."""
+    """Draw rows with errors."""
     lines = rows()
     for _ in range(draw(st.integers(1, 6))):
         at = draw(st.integers(1, 648))
@@ -38,9 +38,9 @@ def dirty(draw):
                 lines[at % len(lines)][column] = draw(st.sampled_from(TEXTS))
             case 2:  # a header, or units, among the rows
                 lines.insert(at, ["time", "u_Qi", "u_Qo", "h_L"] if column > 1 else ["", "m3/s", "m3/s", "m"])
-            case 3:  # the same row again, here or elsewhere
+            case 3:  # a duplicate row, here or elsewhere
                 lines.insert(draw(st.integers(0, len(lines))), list(lines[at % len(lines)]))
-            case 4:  # the same time, another value
+            case 4:  # the same time with another value
                 other = list(lines[at % len(lines)])
                 other[column] = "401.5"
                 lines.insert(at, other)
@@ -49,7 +49,7 @@ def dirty(draw):
             case 6:
                 k = draw(st.integers(0, len(lines) - 1))
                 lines[at % len(lines)], lines[k] = lines[k], lines[at % len(lines)]
-            case 7:  # the clock is some seconds off from here on, or back again
+            case 7:  # the clock is wrong by some seconds from here on, or right again
                 drift = draw(st.integers(-40, 40))
                 for line in lines[at : at + draw(st.integers(1, 40))]:
                     try:
@@ -61,7 +61,7 @@ def dirty(draw):
 
 
 def logged(lines, column):
-    """What is written in a column and is a value, by its time of day [s]."""
+    """Return the valid values in a column by their time of day [s]."""
     midnight = dt.datetime.combine(DAY, dt.time(), dt.timezone(dt.timedelta(hours=1)))
     found = {}
     for line in lines:
@@ -76,7 +76,7 @@ def logged(lines, column):
 
 
 def test_nothing_is_taken_as_data_that_is_none(tmp_path, tried):
-    """Every sample lies among the values that are logged around it; what is not logged is counted."""
+    """Every sample is between the neighbouring logged values; missing values are counted."""
     seen = {"read": 0, "refused": 0}
 
     @settings(max_examples=examples(200), deadline=None, derandomize=True)
@@ -129,7 +129,7 @@ CONSTANT = {
 
 @pytest.mark.parametrize(("column", "kind"), [*((1, kind) for kind in CONSTANT), (3, "constant")])
 def test_what_does_not_move_is_identified_by_no_estimator(tmp_path, tried, kind, column):
-    """A level is logged to the millimetre: it is constant or it moves."""
+    """A level is logged to the millimetre: it is constant or changes."""
     data, still = tmp_path / "data", 1
     write_days(data, 3)
     date = sorted(data.iterdir())[still]

@@ -1,4 +1,4 @@
-"""Full disks, limits of file sizes, places not to be written: an error of one line, nothing partial."""
+"""Test full disks, limits of file sizes, and write-protected places: a one-line error, nothing partial."""
 
 import os
 import resource
@@ -19,7 +19,7 @@ from tests.faults.test_kills import QUICK
 from tests.run.test_run import bytes_of, command
 
 MOUNT = ["unshare", "--mount"] if os.getuid() == 0 else ["unshare", "--mount", "--map-root-user"]
-"""A mount in a namespace of its own: nobody else sees it, and it is gone with its processes."""
+"""A mount in its own namespace: it is invisible to other processes, and ends with its own."""
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def season(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def may_mount(tmp_path_factory):
-    """Whether the system lets us mount."""
+    """Return whether the system permits a mount."""
     words = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(tmp_path_factory.mktemp("try"))]
     try:
         return subprocess.run([*MOUNT, *words], capture_output=True).returncode == 0
@@ -49,7 +49,7 @@ def limited(size):
 
 
 def one_line(done, *words):
-    """The message of a command that failed."""
+    """Return the message of a failed command."""
     assert done.returncode == 1, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert all(word in done.stderr for word in words), done.stderr

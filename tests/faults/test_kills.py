@@ -1,4 +1,4 @@
-"""Kill -9, at every rename and at random moments; then the same command again, and the same bytes."""
+"""Test kill -9 at every rename and at random moments: the same command again gives the same bytes."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ QUICK = Options(figures=False)
 
 @pytest.fixture(scope="module")
 def season(tmp_path_factory):
-    """Logs, and the tables of a run that nothing interrupted."""
+    """Return logs, and the tables of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("season")
     write_days(folder / "data", 20)
     run(folder / "data", folder / "whole", Config(), QUICK)
@@ -31,19 +31,19 @@ DRAWS = () if os.environ.get("RIVID_LONG") else ("--no-figures",)
 
 
 def duration(data, out):
-    """How long the real command takes, undisturbed [s]: moments to kill it are drawn from it."""
+    """Return the duration of the undisturbed command [s], from which the moments to kill it are drawn."""
     began = time.monotonic()
     assert end(start("run", data, "--out", out, "--workers", 2, "--quiet", *DRAWS), 0)[0] == 0
     return time.monotonic() - began
 
 
 def kept(out):
-    """Keys of what is done."""
+    """Return the keys of the finished days."""
     return set(read_rows(out / ".rivid" / "segments")[0].table["key"].to_pylist())
 
 
 def resume(data, out):
-    """Run again, here: nothing that was done is done twice, and nothing of the killed run is left."""
+    """Run again in this process: finished days are not repeated, and nothing of the killed run remains."""
     before = kept(out) if (out / ".rivid").exists() else set()
     summary = run(data, out, Config(), QUICK)
     assert summary.computed_keys.isdisjoint(before)

@@ -1,4 +1,4 @@
-"""Two real runs into one OUT, and the lock of a run that was killed."""
+"""Test two real runs into one OUT, and the lock of a killed run."""
 
 import signal
 import time
@@ -26,7 +26,7 @@ def test_a_second_run_is_refused_and_the_lock_of_a_killed_run_does_not_block(sea
     out = tmp_path / "out"
     first = start("run", data, "--out", out, "--quiet", "--no-figures")
     assert wait_until(lambda: is_locked(out / ".rivid" / "lock"))
-    first.send_signal(STOP)  # it holds OUT until it goes on
+    first.send_signal(STOP)  # it holds OUT until it continues
     for _ in range(2):
         began = time.monotonic()
         second = command("run", data, "--out", out, "--no-figures")

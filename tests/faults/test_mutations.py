@@ -1,4 +1,4 @@
-"""Whatever bytes a log holds: a data set or a reason, never another exception."""
+"""Test that a log of arbitrary bytes gives a data set or a reason, never another exception."""
 
 import gzip
 import io
@@ -41,7 +41,7 @@ WORDS = st.sampled_from(
 
 @st.composite
 def mutated(draw, seed):
-    """A few bytes changed, cut out, put in or repeated."""
+    """Draw a log with a few bytes changed, removed, inserted or repeated."""
     content = bytearray(seed)
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(len(content) - 1, 0)))
@@ -65,7 +65,7 @@ LOOP = settings(
 
 
 def outcome(folder, settings_):
-    """How many days were read and how many refused; anything else than a reason is the test's failure."""
+    """Return the numbers of days that are read and refused; fail on anything but a reason."""
     done = [0, 0]
     try:
         for source in find_days(folder, settings_).days:
@@ -91,7 +91,7 @@ CASES = [(f"{name}{suffix}", seed, {}) for suffix, seed in SEEDS.items() for nam
 def test_any_bytes(tmp_path, name, seed, declared):
     path, settings_ = tmp_path / name, config(REACH, **declared)
     path.write_bytes(seed)
-    assert outcome(tmp_path, settings_) == [1, 0]  # the seed itself is sound
+    assert outcome(tmp_path, settings_) == [1, 0]  # the seed itself is valid
 
     @LOOP
     @given(mutated(seed))

@@ -1,4 +1,4 @@
-"""An upgrade keeps old results readable; results of a newer version are refused and left alone."""
+"""Test that old results remain readable, and that results of a newer version are refused and not changed."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, command, rivid
 
 KEPT = Path(__file__).parent / "old_results"
-"""A folder for each schema version: OUT of a run of three days of `tests.daily`, as it was written."""
+"""A folder for each schema version: OUT of a run of three days of `tests.daily`, as that version wrote it."""
 
 
 @pytest.fixture(scope="module")

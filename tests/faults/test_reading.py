@@ -1,4 +1,4 @@
-"""Each fault of a log is made, read, and must be a reason that names the file; nothing else is lost."""
+"""Test each fault of a log: it gives a reason that names the file, and nothing else is lost."""
 
 import datetime as dt
 import gzip
@@ -22,7 +22,7 @@ from tests.run.test_run import rivid
 
 
 def parquet(folder, name=None, columns=None, **options):
-    """The day as Parquet, as its own columns or others."""
+    """Write the day as Parquet, with its own or other columns."""
     times, inflow, outflow, level = a_day(DAY)
     table = {
         "time": pa.array(
@@ -43,7 +43,7 @@ def reason(folder, **given):
 
 
 SINCE = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
-"""The first row's second since 1970."""
+"""Time of the first row [s since 1970]."""
 
 
 class TestParquet:
@@ -76,7 +76,7 @@ class TestParquet:
                 data = read(tmp_path)
             except DataError:
                 refused += 1
-            else:  # a byte that carries nothing, such as a name of the writer
+            else:  # a byte without meaning, such as a name of the writer
                 assert (data.inflow == good.inflow).all() and (data.output == good.output).all()
         assert refused > 100
 

@@ -1,4 +1,4 @@
-"""The list of faults names tests that exist, and every test here that says what it tries is in it."""
+"""Test that the list of faults names existing tests, and contains every test here that notes injections."""
 
 import ast
 from pathlib import Path
@@ -11,7 +11,7 @@ ROOT = Path(__file__).parent.parent.parent
 
 
 def names_in(path):
-    """Tests of a file: functions, classes, and methods as Class::method."""
+    """Return the tests of a file: functions, classes, and methods as Class::method."""
     found = {}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef):

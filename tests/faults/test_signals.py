@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM in the middle of a run: it ends soon, with its workers, and keeps what was done."""
+"""Test SIGINT and SIGTERM during a run: it ends soon, with its workers, and keeps its results."""
 
 import datetime as dt
 import os
@@ -27,7 +27,7 @@ def season(tmp_path_factory):
 
 
 def interrupt(season, tmp_path, n, seed):
-    """Signals at random moments from the taking of the lock on; how many came in time."""
+    """Send signals at random moments after the lock is taken; return how many came in time."""
     data, whole = season
     came = 0
     for k, share in enumerate(moments(seed, n, 0, duration(data, tmp_path / "timed"))):
@@ -55,7 +55,7 @@ def test_signals_in_the_middle_of_a_run(season, tmp_path, tried, n, least, seed)
 
 
 def test_ctrl_c_in_a_terminal_prints_one_line(season, tmp_path):
-    """A terminal sends SIGINT to all processes of the command, also while they import."""
+    """A terminal sends SIGINT to all processes of the command, also during their imports."""
     child = start("run", season[0], "--out", tmp_path, "--workers", 2, start_new_session=True)
     assert wait_until(lambda: len(family(child)) >= 2)
     os.killpg(child.pid, signal.SIGINT)

@@ -1,4 +1,4 @@
-"""Formulas and markup from hostile names and cells, and names that lead elsewhere."""
+"""Test formulas and markup from hostile names and cells, and names that lead outside OUT."""
 
 import csv
 import html.parser
@@ -24,7 +24,7 @@ NAMES = ("=1+1", "+x", "-2+3", "@SUM(1)", "<script>alert(1)", "{{7*7}}", "%s", "
 
 
 class Tags(html.parser.HTMLParser):
-    """Which tags and attributes a page has, and its text."""
+    """Collects the tags, attributes and text of a page."""
 
     def __init__(self, text):
         super().__init__()
@@ -40,7 +40,7 @@ class Tags(html.parser.HTMLParser):
 
 
 def is_harmless(out):
-    """No cell of a CSV is a formula, no page runs anything."""
+    """Check that no cell of a CSV is a formula, and that no page runs code."""
     for path in out.rglob("*.csv"):
         with open(path, encoding="utf-8", newline="") as file:
             for cell in itertools.chain.from_iterable(csv.reader(file)):
@@ -63,7 +63,7 @@ def spoil(lines, row, cell):
 
 
 def test_hostile_cells_and_file_names_end_as_text(tmp_path, tried):
-    """Days whose reason quotes a cell; and files of two days, whose reason begins with their name."""
+    """The reason of a day quotes a cell, or begins with the name of a file of two days."""
     data, out = tmp_path / "data", tmp_path / "out"
     for date, cell in zip(write_days(data, len(CELLS)), CELLS, strict=True):
         (data / f"{date}.csv").write_text(
@@ -114,12 +114,12 @@ def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
 
 
 DEVICES = ("CON", "NUL", "aux", "COM1", "LPT1.txt")
-"""Names that Windows keeps for itself."""
+"""Names that are reserved on Windows."""
 OPTIONS = ("-rf", "--help", "-", "--out=x", "...", "..x", ".hidden")
 
 
 def test_names_of_devices_and_options_for_reaches_logs_and_directories(tmp_path, tried):
-    """They are names like others, or refused; nothing lands outside OUT, nothing is taken for an option."""
+    """They are ordinary names or refused; nothing is written outside OUT, and no name acts as an option."""
     data, names = tmp_path / "data", (*DEVICES, *OPTIONS)
     for name in names:
         write_days(data / name, 1)
@@ -177,7 +177,7 @@ def test_an_out_that_parquet_cannot_name_is_one_line(tmp_path, tried):
 
 
 def test_out_with_links_that_lead_out_writes_nothing_through_them(tmp_path, tried):
-    """What is written takes the place of a link; it does not follow it."""
+    """A written file replaces a link and does not follow it."""
     write_days(tmp_path / "data", 1)
     out, precious = tmp_path / "out", tmp_path / "precious"
     out.mkdir()

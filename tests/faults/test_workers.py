@@ -1,4 +1,4 @@
-"""Workers killed from outside: no day is lost, and none fails for it."""
+"""Test workers killed from outside: no day is lost, and none fails because of it."""
 
 import random
 import time
@@ -23,7 +23,7 @@ def season(tmp_path_factory):
 
 
 def is_worker(process):
-    """A child of the process that makes workers."""
+    """Return whether a process is a child of the process that makes workers."""
     try:
         words = " ".join(process.parent().cmdline())
         return "forkserver" in words

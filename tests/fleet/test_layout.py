@@ -1,4 +1,4 @@
-"""Which directories are reaches, and what each is configured with."""
+"""Test which directories are reaches, and their configurations."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The outcome of a reach: its band, and the test for a move that it shares with the report."""
+"""Test the outcome of a reach: its band, and the test for a change, shared with the report."""
 
 from types import SimpleNamespace
 
@@ -17,7 +17,7 @@ from tests.report.runs import STEADY, simple
 
 
 def rows_of(run):
-    """The columns of a run that are kept in memory."""
+    """Return the columns of a run that are kept in memory."""
     (e,) = run.estimators
     n = len(e.dates)
     return pa.table(

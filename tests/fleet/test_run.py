@@ -1,4 +1,4 @@
-"""A fleet, end to end: one pool, one report, and no reach costs another anything."""
+"""Test a fleet end to end: one pool, one report, and reaches that do not affect each other."""
 
 import csv
 import datetime as dt
@@ -22,7 +22,7 @@ from tests.run.test_workers import DEADLY
 
 REACHES = ("alpha", "beta", "gamma")
 MADE = re.compile(r" on [\d-]{10} [\d:]{5} UTC, from")
-"""Time of a page, in its footer."""
+"""Creation time of a page, in its footer."""
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def fleet_json(out):
 
 @pytest.fixture(scope="module")
 def whole(logs, tmp_path_factory):
-    """OUT of a run of the fleet without figures, and its output."""
+    """Return OUT of a run of the fleet without figures, and its output."""
     out = tmp_path_factory.mktemp("whole") / "out"
     code, said = rivid("run", logs, "--out", out, "--no-figures", "--workers", 2)
     assert code == 0

@@ -1,4 +1,4 @@
-"""What a user of the command line gets, as plain values: tables, JSON, TOML and exit codes."""
+"""Results of the command line as plain values: tables, JSON, TOML and exit codes."""
 
 import contextlib
 import io
@@ -16,7 +16,7 @@ from rivid.cli import cli
 ROOT = Path(__file__).resolve().parents[2]
 EXPORTS = ROOT / "tests" / "data" / "exports"
 WORDS = {"message", "regime", "breaker", "comment", "text", "reason"}
-"""Keys and columns that hold sentences: their wording is free."""
+"""Keys and columns with sentences: their wording is not compared."""
 TABLES = ("delays", "fir", "criterion", "posterior")
 ALL = ("ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate", "direct", "indirect",
        "cusum-ml", "cusum-map", "posterior")  # fmt: skip
@@ -29,11 +29,11 @@ DIAGNOSES = {
     "nothing": "configs/scenarios/hydraulic_short.toml",
 }
 DIAGNOSED_TO = "2008-02-09"
-"""Forty days: enough for two cycles of blocks."""
+"""Last of forty days: enough for two cycles of blocks."""
 
 
 def rivid(*words):
-    """Exit code and standard output of a command, in this process."""
+    """Return exit code and standard output of a command, run in this process."""
     done = CliRunner().invoke(cli, [str(word) for word in words])
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
@@ -41,7 +41,7 @@ def rivid(*words):
 
 
 def table(path):
-    """A Parquet table as columns of floats or strings, without the sentences."""
+    """Return a Parquet table as columns of floats or strings, without the sentences."""
     found = {}
     for name, column in zip((t := pq.read_table(path)).column_names, t.columns, strict=True):
         if name not in WORDS:
@@ -54,13 +54,13 @@ def table(path):
 
 
 def thinned(columns, every):
-    """Rows of each `every`-th date."""
+    """Return the rows of each `every`-th date."""
     keep = np.isin(columns["date"], np.unique(columns["date"])[::every])
     return {name: values[keep] for name, values in columns.items()}
 
 
 def run_tables(out, prefix, every=1):
-    """The tables of a run; all rows of delays, the long tables on each `every`-th day."""
+    """Return the tables of a run; all rows of delays, the long tables on each `every`-th day."""
     for name in TABLES:
         path = out / f"{name}.parquet"
         if path.exists():
@@ -68,7 +68,7 @@ def run_tables(out, prefix, every=1):
 
 
 def runs(tmp):
-    """Tables and exit codes of a fleet, of all estimators, and of a river's posterior."""
+    """Return tables and exit codes of a fleet, of all estimators, and of a river's posterior."""
     code, _ = rivid(
         "run", ROOT / "sample_data", "-c", ROOT / "configs/fleet", "-o", tmp / "fleet", "--no-figures", "-q"
     )
@@ -88,7 +88,7 @@ def runs(tmp):
 
 
 def corpus(tmp):
-    """What sniff proposes and ingest writes for each export."""
+    """Return the proposal of sniff and the logs of ingest for each export."""
     for case in sorted(path.parent for path in EXPORTS.glob("*/config.toml")):
         files = sorted(p for p in case.iterdir() if p.name not in {"config.toml", "expected.csv"})
         code, text = rivid("sniff", *files, "--time-zone", "Etc/GMT-1")
@@ -110,14 +110,14 @@ def corpus(tmp):
 
 
 def _columns(body):
-    """A CSV log as its header, first time, and the sums of its values."""
+    """Return a CSV log as its header, first time, and the sums of its values."""
     rows = [line.split(",") for line in io.StringIO(body).read().splitlines()]
     sums = [sum(float(row[k] or 0) for row in rows[1:]) for k in range(1, len(rows[0]))]
     return {"header": rows[0], "first": rows[1][0], "last": rows[-1][0], "rows": len(rows), "sums": sums}
 
 
 def checks(tmp):
-    """What check finds in the sample data."""
+    """Return the findings of check in the sample data."""
     for name, config in {
         "basse_isere": "basse_isere",
         "basse_isere_csv": "basse_isere",
@@ -130,7 +130,7 @@ def checks(tmp):
 
 
 def diagnoses(tmp, names=tuple(DIAGNOSES)):
-    """diagnosis.json and model.toml of simulated seasons."""
+    """Return diagnosis.json and model.toml of simulated seasons."""
     for name in names:
         logs, out = tmp / name, tmp / f"{name}_found"
         rivid("simulate", ROOT / DIAGNOSES[name], "-o", logs, "-q")
@@ -148,7 +148,7 @@ def diagnoses(tmp, names=tuple(DIAGNOSES)):
 
 
 def _without_paths(value):
-    """JSON without sentences and without paths of this machine."""
+    """Return JSON without sentences and without paths of this machine."""
     if isinstance(value, dict):
         return {k: _without_paths(v) for k, v in value.items() if k not in WORDS}
     if isinstance(value, list):
@@ -157,7 +157,7 @@ def _without_paths(value):
 
 
 def differences(found, expected, at="", tolerance=1e-9):
-    """Where two values differ: numbers by more than `tolerance` relatively, strings that are no sentences."""
+    """Return where two values differ: numbers by more than `tolerance` (relative), texts except sentences."""
     if isinstance(expected, dict):
         expected = {k: v for k, v in expected.items() if k not in WORDS}
         missing = [f"{at}/{k}: missing" for k in expected if not isinstance(found, dict) or k not in found]

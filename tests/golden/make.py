@@ -20,7 +20,7 @@ PARTS = {
 
 
 def plain(value):
-    """As JSON holds it."""
+    """Return a value as JSON stores it."""
     if isinstance(value, dict) and value and all(isinstance(v, np.ndarray) for v in value.values()):
         return {k: [None if v != v else v for v in column.tolist()] for k, column in value.items()}
     return value

@@ -1,6 +1,6 @@
-"""Tables, proposals, logs and findings of the command line are those of the version that wrote them.
+"""Test that tables, proposals, logs and findings are those of the version that wrote the golden values.
 
-``python -m tests.golden.make`` writes the values anew, ``--compare`` prints the differences beyond 1e-9.
+``python -m tests.golden.make`` writes the values again, ``--compare`` prints the differences above 1e-9.
 """
 
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from tests.golden import cases, make
 
 TOLERANCE = 1e-6
-"""Relative difference that another processor or LAPACK may make; condition numbers reach 1e5."""
+"""Relative difference that another processor or LAPACK may cause; condition numbers reach 1e5."""
 
 
 @pytest.mark.parametrize("part", ["runs", "corpus", "checks"])

@@ -1,4 +1,4 @@
-"""A day as foreign systems would export it: one dialect each, with what must be declared to read it."""
+"""A day as exported by foreign systems: one dialect each, with the declarations needed to read it."""
 
 import datetime as dt
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Export:
     declared: dict[str, object] = field(default_factory=dict)
 
     def truth(self):
-        """Inflow, outflow, level of the grid of 300 s."""
+        """Return inflow, outflow and level on the grid of 300 s."""
         _, inflow, outflow, level = a_day(self.date)
         return np.array([inflow[:N], outflow[:N], level[:N]])
 
@@ -112,7 +112,7 @@ EXPORTS = {
         time_format="%d/%m/%Y|%H:%M", date=dt.date(2008, 3, 25),
         declared={"time": ["Date", "Clock"], "time_format": "%d/%m/%Y %H:%M"},
     ),
-    "clock with a point": Export(  # as numbers, 22.10 and 22.1 were one clock
+    "clock with a point": Export(  # read as numbers, 22.10 and 22.1 would be the same clock time
         head=("Datum", "Uhrzeit", "u_Qi", "u_Qo", "h_L"), separator=";", decimal=",",
         time_format="%d.%m.%Y|%H.%M", date=dt.date(2008, 3, 25),
         declared={"time": ["Datum", "Uhrzeit"], "separator": ";", "decimal": ",",

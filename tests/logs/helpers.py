@@ -1,4 +1,4 @@
-"""Short logs of one kind or another, and reading them in a line."""
+"""Short logs of several kinds, and one-line reading."""
 
 import datetime as dt
 
@@ -11,12 +11,12 @@ HEAD = "time,u_Qi,u_Qo,h_L"
 
 
 def config(reach=None, window_days=1, **given):
-    """A configuration with these `[input]` keys."""
+    """Return a configuration with these `[input]` keys."""
     return parse({"reach": reach or {}, "input": given, "run": {"window_days": window_days}}, Config)
 
 
 def rows(date=DAY, n=650, step=133, zone="+01:00", start=0):
-    """Rows of a canonical log as lists of text; inflow, outflow and level are those of `a_day`."""
+    """Return rows of a canonical log as lists of text; inflow, outflow and level are those of `a_day`."""
     _, inflow, outflow, level = a_day(date, n=650)
     midnight = dt.datetime.combine(date, dt.time())
     out = []
@@ -27,19 +27,19 @@ def rows(date=DAY, n=650, step=133, zone="+01:00", start=0):
 
 
 def text(lines, head=HEAD, separator=","):
-    """Lines of cells as CSV."""
+    """Return lines of cells as CSV."""
     return "\n".join([head, *(separator.join(line) for line in lines)]) + "\n"
 
 
 def put(folder, lines, name=None, **options):
-    """Write a log and give its folder."""
+    """Write a log, and return its folder."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / (name or f"{DAY}.csv")).write_text(text(lines, **options), encoding="utf-8")
     return folder
 
 
 def read(folder, *, reach=None, day=None, today=None, **given):
-    """The data set of one day (the only one, or `day`)."""
+    """Read the data set of one day (the only one, or `day`)."""
     settings = config(reach, **given)
     catalog = find_days(folder, settings)
     (source,) = [d for d in catalog.days if day is None or d.date == day]

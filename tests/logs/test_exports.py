@@ -1,4 +1,4 @@
-"""Foreign exports are read when declared, refused with a hint when not, and proposed by sniff."""
+"""Test foreign exports: read when declared, refused with a hint when not, and proposed by sniff."""
 
 import datetime as dt
 
@@ -170,7 +170,7 @@ class TestWhatSniffCannotTell:
         ("row", "open_key", "is_open"),
         [
             ("03/04/2024 {h:02d}:00;3;1", "time_format", True),
-            ("0{d}/04/2024 {h:02d}:00;3;1", "time_format", False),  # days that follow each other
+            ("0{d}/04/2024 {h:02d}:00;3;1", "time_format", False),  # consecutive days
             ("2024-04-03T{h:02d}:00;3;1", "time_zone", True),
             ("2024-04-03T{h:02d}:00Z;3;1", "time_zone", False),
             ("2024-04-03T{h:02d}:00;1,23{k};4", "decimal", True),

@@ -1,4 +1,4 @@
-"""Days are found by name or by content, and known again by content."""
+"""Test that days are found by name or by content, and recognised by content."""
 
 import datetime as dt
 import gzip
@@ -19,7 +19,7 @@ NEXT = DAY + dt.timedelta(days=1)
 
 @pytest.fixture
 def many(tmp_path):
-    """Three days in one file, beside it the same days in three."""
+    """Write three days in one file, and the same days in three files."""
     write_days(tmp_path / "single", 3)
     parts = [text_of(DAY + dt.timedelta(days=k)).split("\n", 1)[1] for k in range(3)]
     (tmp_path / "many").mkdir()
@@ -100,7 +100,7 @@ def test_known_files_are_neither_hashed_nor_opened(many, monkeypatch):
     before = find_days(many / "single", config())
     monkeypatch.setattr("rivid.logs.days._hash", None)
     assert find_days(many / "single", config(), before.files).days == before.days
-    with pytest.raises(TypeError):  # it does hash when asked to
+    with pytest.raises(TypeError):  # it hashes only on request
         find_days(many / "single", config(), before.files, verify=True)
 
 

@@ -1,4 +1,4 @@
-"""The last lines of an export that hold no data: declared, counted, proposed, and never a row of data."""
+"""Test the last lines of an export without data: declared, counted, proposed, and never read as data."""
 
 import datetime as dt
 import gzip
@@ -61,8 +61,8 @@ def test_undeclared_they_are_refused_with_the_key_and_the_number(tmp_path):
     "damaged",
     [
         "2008-03-10T23:55:00+01:00,300",  # too short
-        "2008-03-10T23:55:61+01:00,300,290,118.5",  # no time
-        "2008-03-10T23:55:00+01:00,x,290,118.5",  # no number
+        "2008-03-10T23:55:61+01:00,300,290,118.5",  # invalid time
+        "2008-03-10T23:55:00+01:00,x,290,118.5",  # not a number
     ],
 )
 def test_a_damaged_row_of_data_is_never_taken_for_a_footer(tmp_path, damaged):

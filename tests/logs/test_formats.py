@@ -1,4 +1,4 @@
-"""Binary formats of the field, written by their own libraries, and read back to the last digit."""
+"""Test binary formats of the field, written by their own libraries, and read back to the last digit."""
 
 import datetime as dt
 import sys
@@ -25,7 +25,7 @@ LONG = {"layout": "long", "tag": "tag", "max_gap": 3600}
 
 
 def netcdf(path, engine):
-    """Discharge by station, and a level of one station, as CF demands; times are UTC."""
+    """Write discharge by station, and a level of one station, in CF conventions; times are UTC."""
     import xarray
 
     data = xarray.Dataset(
@@ -48,7 +48,7 @@ def netcdf(path, engine):
 
 
 def workbook(path):
-    """A sheet of remarks, and one of values for each day, with the same head."""
+    """Write a sheet of remarks, and a sheet of values for each day, with the same header."""
     import openpyxl
 
     book = openpyxl.Workbook()
@@ -65,7 +65,7 @@ def workbook(path):
 
 
 def dss(path):
-    """HEC-DSS 7, a record per series and month."""
+    """Write HEC-DSS 7, with a record per series and month."""
     import hecdss
 
     hecdss.HecDss.set_global_debug_level(0)
@@ -114,7 +114,7 @@ def test_every_value_comes_back(written, tmp_path):
             there = np.isfinite(true)
             np.testing.assert_array_equal(getattr(found, name)[there], true[there])
     read = {name: source["read"] - source["used"] for name, source in outcome.ledger["sources"].items()}
-    assert sorted(read.values()) == [1, 2, 2]  # the first sample of the third day, and one that is missing
+    assert sorted(read.values()) == [1, 2, 2]  # the first sample of the third day, and a missing one
 
 
 def test_sniff_proposes_the_names_and_units(written):

@@ -1,4 +1,4 @@
-"""The measured sample data: all days are read, and the columns are the ones that the configurations name."""
+"""Test the measured sample data: all days are read, and the configurations name the right columns."""
 
 import csv
 from pathlib import Path
@@ -38,7 +38,7 @@ def test_a_window_holds_what_the_files_hold(settings):
     known = np.isfinite(inflow)
     assert (data.output == output).all() and data.outflow is None
     assert (data.inflow[known] == inflow[known]).all()
-    if not known.all():  # hourly: held for four rows
+    if not known.all():  # hourly values, held for four rows
         assert known[::4].all() and (data.inflow == np.repeat(inflow[::4], 4)).all()
 
 

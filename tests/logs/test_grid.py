@@ -1,4 +1,4 @@
-"""The grid against a slow, plain look at every instant."""
+"""Test the grid against a slow calculation at every instant."""
 
 import datetime as dt
 
@@ -17,7 +17,7 @@ DAY = 86_400
 
 
 def plain(times, values, instants, held, late):
-    """One instant at a time; seconds. Held values are averaged second by second."""
+    """Compute one instant at a time [s]. Held values are averaged second by second."""
     out = []
     if held:
         each = values[np.maximum(np.searchsorted(times, np.arange(DAY), side="right") - 1, 0)]
@@ -53,7 +53,7 @@ def test_held_and_interpolated_values(steps, period, held, seed):
 
 @pytest.mark.parametrize("late", [0, 10, 60, 120])
 def test_stamps_between_the_instants_shift_no_flow(late):
-    """A series of means stamped 10 s after the instants came out a sample late: the delay was one short."""
+    """Regression: means stamped 10 s after the instants came out a sample late: the delay was one short."""
     spec, grid = spec_of(config({"sample_time": 300.0})), make_grid(0, DAY * 10**6, 300.0, dt.UTC)
     values = np.random.default_rng(late).normal(size=288)
     samples, _ = on_grid((np.arange(0, DAY, 300) + late) * 10**6, values, grid, spec.signals[0], spec)

@@ -1,4 +1,4 @@
-"""Rows at midnight: what closes a day may stand in the next one's file, and is no day by itself."""
+"""Test rows at midnight: the last row of a day may be in the next file, and is no day of its own."""
 
 import datetime as dt
 import json
@@ -18,7 +18,7 @@ DATES = [DAY + dt.timedelta(days=k) for k in range(N_DAYS + 1)]
 
 
 def river(n_days=N_DAYS, stamp=STEP):
-    """Rows of days in a row, stamped at the end of their intervals."""
+    """Return rows of consecutive days, stamped at the end of their intervals."""
     lines = []
     for k in range(n_days):
         for i, row in enumerate(rows(DAY + dt.timedelta(days=k), n=96, step=STEP, start=stamp)):
@@ -27,7 +27,7 @@ def river(n_days=N_DAYS, stamp=STEP):
 
 
 def by_label(folder, lines):
-    """A file per day of the stamps: the row of 24:00 stands in the next day's."""
+    """Write a file per day of the stamps: the row of 24:00 is in the next day's file."""
     for date in sorted({line[0][:10] for line in lines}):
         put(folder, [line for line in lines if line[0][:10] == date], name=f"{date}.csv", head=HEAD)
     return folder
@@ -116,7 +116,7 @@ class TestAFilePerDayStampedAtTheEnd:
         assert days_of(folder, settings, known=known) == before.days
 
     def test_off_the_hour(self, tmp_path):
-        lines = river(stamp=STEP - 300)  # 00:10 to 23:55, the last row at 00:10 of no day's own
+        lines = river(stamp=STEP - 300)  # 00:10 to 23:55; the last row, at 00:10, belongs to no day
         settings = config(RIVER, stamp=END, max_gap=STEP)
         lines.append([f"{DATES[-1]}T00:10:00+01:00", "300", "250"])
         folder = by_label(tmp_path, lines)

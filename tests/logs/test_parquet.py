@@ -1,4 +1,4 @@
-"""Parquet logs of unusual types, and the memory that reading takes."""
+"""Test Parquet logs of unusual types, and the memory used for reading."""
 
 import tracemalloc
 
@@ -15,7 +15,7 @@ from tests.logs.helpers import DAY, config, put, read, rows
 
 
 def write(folder, date=DAY, **replaced):
-    """The usual day as Parquet, with some columns replaced."""
+    """Write the usual day as Parquet, with some columns replaced."""
     time, *numbers = zip(*rows(date), strict=True)
     columns = {
         name: pa.array(map(float, cells))

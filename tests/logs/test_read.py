@@ -1,4 +1,4 @@
-"""A day on its grid: names, units, stamps, gaps, duplicates, windows."""
+"""Test a day on its grid: names, units, stamps, gaps, duplicates, windows."""
 
 import datetime as dt
 
@@ -167,7 +167,7 @@ def test_a_coarser_log_is_read_when_it_says_so(tmp_path):
 
 
 def halved(lines):
-    """A row in two halves."""
+    """Write a row in two halves."""
     half = [*lines[299][:3], ""]
     lines[299][1] = ""
     return [*lines[:300], half, *lines[300:]]
@@ -237,7 +237,7 @@ def test_days_of_a_window_must_follow_each_other(tmp_path):
 
 
 def fails(folder, match=None, **given):
-    """The day fails for good."""
+    """Check that the day fails permanently."""
     with pytest.raises(DataError, match=match) as caught:
         read(folder, **given)
     assert not isinstance(caught.value, PendingError)

@@ -1,4 +1,4 @@
-"""Which discharge is which: by site and by name, always asked where either leaves a doubt."""
+"""Test the roles of discharges, by site and by name: a question wherever there is doubt."""
 
 import tomllib
 
@@ -9,7 +9,7 @@ from rivid.logs.sniff.propose import sniff
 
 @pytest.fixture
 def proposed(tmp_path):
-    """What sniff makes of a table with these columns."""
+    """Return the proposal of sniff for a table with these columns."""
 
     def propose(*names):
         rows = [
@@ -28,7 +28,7 @@ def given(proposal):
 
 
 def choices(proposal, key):
-    """What stands in comments, ready to be used in place of a key."""
+    """Return the alternatives in comments, ready to replace a key."""
     lines = [line[2:] for line in proposal.toml.split("\n") if line.startswith(f"# {key} = ")]
     return [tomllib.loads(line)[key] for line in lines]
 
@@ -126,7 +126,7 @@ def test_no_sum_holds_columns_of_two_sites(proposed):
     ("names", "expected"),
     [
         (("inflow", "unit_1", "unit_2", "gates", "level"), {"u_Qo": ["unit_1", "unit_2", "gates"]}),
-        (("inflow", "outflow", "gate [m]", "level [m]"), {"u_Qo": "outflow"}),  # an opening is no discharge
+        (("inflow", "outflow", "gate [m]", "level [m]"), {"u_Qo": "outflow"}),  # an opening, not a discharge
         (
             ("OW [m]", "UW [m]", "Q OW [m3/s]", "Q UW [m3/s]"),
             {"h_L": "OW [m]", "u_Qi": "Q OW [m3/s]", "u_Qo": "Q UW [m3/s]"},

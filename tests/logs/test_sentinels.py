@@ -1,4 +1,4 @@
-"""Numbers that mean "not measured" never pass for data, and data never for them."""
+"""Test that numbers meaning "not measured" are never read as data, and data never as such numbers."""
 
 import datetime as dt
 
@@ -40,8 +40,8 @@ def test_several_sentinels_and_nothing_else():
         np.tile([0.0, 120.0, -99.0, 60.0], 160),  # a pump of 99 m3/s
         np.repeat([0.0, -99.0], 300),
         np.repeat([0.0, 800.0, -1000.0], 200),  # L/s
-        np.linspace(-1200.0, 900.0, 2101),  # passes -1000, -999, -99
-        np.linspace(9000.0, 10500.0, 1501),  # passes 9999: cfs in spring
+        np.linspace(-1200.0, 900.0, 2101),  # contains -1000, -999, -99
+        np.linspace(9000.0, 10500.0, 1501),  # contains 9999: cfs in spring
         np.linspace(32000.0, 33500.0, 1501),
         np.linspace(-100.0, -98.0, 2001),
         np.zeros(650),
@@ -86,7 +86,7 @@ def test_in_a_file_of_many_days_only_the_days_that_hold_one_fail(tmp_path):
     dates = [DAY + dt.timedelta(days=k) for k in range(4)]
     lines = [row for date in dates for row in rows(date)]
     lines[700][1] = "-999"
-    lines[1400][1] = "-5000"  # damage of another kind does not hide it
+    lines[1400][1] = "-5000"  # another kind of fault does not hide it
     lines[1500][3] = "99999"
     folder = put(tmp_path, lines, name="march.csv")
     for date, line in ((dates[1], 702), (dates[2], 1502)):

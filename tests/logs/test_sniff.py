@@ -1,4 +1,4 @@
-"""Exports from elsewhere that are read by the proposal alone: integer tags, no header, tide, kcfs."""
+"""Test foreign exports that the proposal alone can read: integer tags, no header, tide, kcfs."""
 
 import datetime as dt
 import tomllib

@@ -1,4 +1,4 @@
-"""Zones, offsets, and the days of 23 and 25 hours."""
+"""Test zones, offsets, and the days of 23 and 25 hours."""
 
 import datetime as dt
 from zoneinfo import ZoneInfo
@@ -15,7 +15,7 @@ PARIS = ZoneInfo("Europe/Paris")
 
 
 def lines(date, written, step=600):
-    """A log of a Paris day; `written(moment)` is how its clock shows a moment of UTC."""
+    """Return a log of a Paris day; `written(moment)` is the local time shown for a moment of UTC."""
     start, end = (t // 10**6 for t in day_bounds(date, PARIS))
     out = []
     for k, t in enumerate(range(start, end, step)):
@@ -64,7 +64,7 @@ def test_the_hour_that_occurs_twice(tmp_path):
         read(tmp_path, reach=REACH, time_zone="Europe/Paris")
     data = read(tmp_path, reach=REACH, time_zone="Europe/Paris", ambiguous="order")
     assert (data.inflow == 100 + np.arange(150)).all()
-    for turn in ("first", "second"):  # both hours on one: they contradict each other
+    for turn in ("first", "second"):  # both hours on one clock: they contradict each other
         with pytest.raises(DataError, match="logged twice with different u_Qi"):
             read(tmp_path, reach=REACH, time_zone="Europe/Paris", ambiguous=turn)
 
@@ -129,7 +129,7 @@ def test_texts_of_times(text, time_format, said):
 
 
 def test_a_day_that_does_not_exist_is_refused_in_any_format(tmp_path):
-    """The quick reader must not roll 30 February over into March."""
+    """The fast reader must not change 30 February to a day in March."""
     day = [[f"30/02/2024 {k // 6:02d}:{k % 6}0", str(k), "1", "1"] for k in range(144)]
     put(tmp_path, day, name="2024-03-01.csv")
     with pytest.raises(DataError, match="'30/02/2024 00:00' is no time"):

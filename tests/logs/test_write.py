@@ -1,4 +1,4 @@
-"""Logs are written whole, canonical, and the same each time."""
+"""Test that logs are written completely, in canonical form, and the same each time."""
 
 import datetime as dt
 import gzip

@@ -1,4 +1,4 @@
-"""Figures as tests look at them: those that are saved, and whether their texts can be read."""
+"""Figures for tests: the saved ones, and whether their texts are readable."""
 
 from contextlib import contextmanager
 from unittest.mock import patch
@@ -12,7 +12,7 @@ from rivid.plots.files import FigureFile
 
 @contextmanager
 def saved(*, write=False):
-    """The figures that are saved inside, by the stem of the file; drawn only, or written as well."""
+    """Collect the figures that are saved inside, by the stem of the file; drawn only, or also written."""
     figures, save = {}, style.save
 
     def keep(figure, path):
@@ -20,24 +20,24 @@ def saved(*, write=False):
         if write:
             save(figure, path)
         else:
-            figure.draw_without_rendering()  # what is checked is where texts are, not their pixels
+            figure.draw_without_rendering()  # the checks need the positions of texts, not the pixels
 
     with patch.object(style, "save", keep):
         yield figures
 
 
 def as_file(path):
-    """The record of a figure that is in `path`."""
+    """Return the record of a figure from `path`."""
     return FigureFile(path.stem, "", path, "", {}, 1, 1)
 
 
 def labels(figure):
-    """Labels of all legends of a figure, in order."""
+    """Return the labels of all legends of a figure, in order."""
     return [text.get_text() for one in figure.findobj(Legend) for text in one.get_texts()]
 
 
 def check(figure, name):
-    """No text or legend is cut off, and no tick labels of an axis overlap."""
+    """Check that no text or legend is cut off, and that no tick labels of an axis overlap."""
     renderer, edge = figure.canvas.get_renderer(), figure.bbox
     texts = [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
     for ax in [*figure.axes, *(child for one in figure.axes for child in one.child_axes)]:

@@ -1,4 +1,4 @@
-"""Synthetic results of a year: the response (10) with noise, and days that fail."""
+"""Synthetic results of a year: the response (10) with noise, and failed days."""
 
 import dataclasses
 import datetime as dt
@@ -18,11 +18,11 @@ MEASURED = (
     "delay", "t50", "alpha", "noise_sd", "roughness_sd", "condition", "mean_inflow", "bound_gravity_s",
     "bound_kinematic_s",
 )  # fmt: skip
-"""Columns with a number per day."""
+"""Columns with one number per day."""
 
 
 def response(delay, noise, rng, order=ORDER):
-    """The theoretical response (10), Fig. 10, plus white noise of the given size relative to its step."""
+    """Return the theoretical response (10), Fig. 10, plus white noise of a size relative to its step."""
     k = np.arange(1, order)
     h = np.zeros(order)
     h[1:] = -1.2e-4 * 0.88 ** (k - 1)
@@ -31,14 +31,14 @@ def response(delay, noise, rng, order=ORDER):
 
 
 def dates_of(n, start=dt.date(2008, 1, 1), missing=0, seed=0):
-    """Consecutive days, less some that are missing (never the first or the last)."""
+    """Return consecutive days, less some missing ones (never the first or the last)."""
     days = [start + dt.timedelta(days=i) for i in range(n + missing)]
     gone = np.random.default_rng(seed).choice(np.arange(1, n + missing - 1), missing, replace=False)
     return [day for i, day in enumerate(days) if i not in set(gone.tolist())]
 
 
 def estimator(name, dates, *, seed=1, unanswered=0.02, noise=0.1):
-    """One estimator's results: delays of 6 and 7, some elsewhere, some at a bound, some the prior's."""
+    """Return the results of an estimator: delays of 6 and 7, some elsewhere, at a bound or from the prior."""
     rng = np.random.default_rng(seed)
     n = len(dates)
     season = np.array([day.timetuple().tm_yday for day in dates])
@@ -87,7 +87,7 @@ def estimator(name, dates, *, seed=1, unanswered=0.02, noise=0.1):
 
 
 def results(names=("ml", "jmap"), dates=None, **kwargs):
-    """A run of several estimators; 332 days of 2008 by default."""
+    """Return a run of several estimators; 332 days of 2008 by default."""
     dates = dates_of(332, missing=34) if dates is None else dates
     noise = {"ml": 0.4}
     made = [estimator(name, dates, noise=noise.get(name, 0.05), **kwargs) for name in names]
@@ -98,7 +98,7 @@ REASON = "the likeliest delay is right with a probability below 0.7"
 
 
 def probable(n=30, unsure=(3, 4, 20), unseen=(9,)):
-    """Days of delays 6 and 7 with p(d | y) on three candidates; some unsure, some without a front."""
+    """Return days of delays 6 and 7 with p(d | y) on three candidates; some uncertain or without a front."""
     rng = np.random.default_rng(8)
     e = estimator("posterior", dates_of(n), unanswered=0)
     delay = rng.integers(6, 8, n).astype(float)
@@ -127,7 +127,7 @@ def probable(n=30, unsure=(3, 4, 20), unseen=(9,)):
 
 
 def searched(n=120, at_edges=0.6, name="direct"):
-    """A year of a search: no impulse response, most days at its edges."""
+    """Return a year of a search: no impulse response, and most days at the bounds."""
     e = estimator(name, dates_of(n), unanswered=0)
     rng = np.random.default_rng(3)
     delay = np.where(rng.random(n) < at_edges, rng.choice([1.0, 15.0], n), rng.integers(2, 15, n))
@@ -141,7 +141,7 @@ def searched(n=120, at_edges=0.6, name="direct"):
 
 
 def without_answers(run):
-    """The same days, all failed, as a run's tables hold them: no response and no candidate at all."""
+    """Return the same days, all failed, as in the tables of a run: no response and no candidate."""
     made = []
     for e in run.estimators:
         n = len(e.dates)
@@ -154,9 +154,9 @@ def without_answers(run):
 
 
 def river(n=40, names=("map", "jmap")):
-    """A river reach sampled every 15 min whose smooth response passes about lag 26, earlier at high water.
+    """Return a river reach sampled every 15 min with a smooth response about lag 26, earlier at high flow.
 
-    The jump delay of the JMAP lies anywhere on the rise, among 60 candidates.
+    The jump delay of the JMAP is anywhere on the rise, among 60 candidates.
     """
     made = []
     for name in names:
@@ -183,7 +183,7 @@ def river(n=40, names=("map", "jmap")):
 
 @cache
 def cases():
-    """Records of every length, and those with nothing to show."""
+    """Return records of every length, and records without results."""
     week = results(("jmap",), dates_of(7))
     return {
         "one day": results(("ml", "jmap"), dates_of(1), unanswered=0),
@@ -204,6 +204,6 @@ def cases():
 
 
 def draw_all(run, out):
-    """All figures of a run, in OUT/figures."""
+    """Draw all figures of a run in OUT/figures."""
     drawn = [draw(run, job, out / "figures") for job in jobs(run)]
     return [file for file in drawn if file is not None]

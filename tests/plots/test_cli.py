@@ -1,4 +1,4 @@
-"""`rivid figures OUT` from the tables that a run leaves."""
+"""Test `rivid figures OUT` from the tables of a run."""
 
 import json
 
@@ -25,7 +25,7 @@ NAMED = {
 
 
 def row_of(run, e, i):
-    """A day of an estimator as a row of a segment."""
+    """Return a day of an estimator as a row of a segment."""
     row = {"key": f"{e.dates[i]}", "date": e.dates[i], "reach": run.reach, "estimator": e.estimator}
     row |= {NAMED.get(name, name): np.asarray(getattr(e, name)[i]).item() for name in SAME}
     row["delay_s"] = row["delay_samples"] * run.sample_time
@@ -39,7 +39,7 @@ def row_of(run, e, i):
 
 
 def store_run(run, out):
-    """Write the tables and run.json of a run, as `rivid run` does."""
+    """Write the tables and run.json of a run, like `rivid run`."""
     rows = [row_of(run, e, i) for e in run.estimators for i in range(len(e.dates))]
     out.mkdir()
     table = to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)

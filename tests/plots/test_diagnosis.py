@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: their numbers against plain loops, and that all texts are readable."""
+"""Test the figures of a diagnosis: their numbers against plain loops, and that all texts are readable."""
 
 import dataclasses
 import datetime as dt
@@ -39,12 +39,12 @@ CASES = {
 }
 
 LONG_CASES = ("thirteen months", "three days", "a closed loop")
-"""Cases that `make test-long` checks."""
+"""Cases of `make test-long`."""
 
 
 @pytest.fixture(scope="module")
 def drawn():
-    """Records and figures of a case, drawn once and not written."""
+    """Return records and figures of a case, drawn once and not written."""
     made = {}
 
     def of(name):
@@ -96,7 +96,7 @@ def test_intervals_of_means_cover_in_95_of_100_seasons_though_days_are_alike():
         w = 0.7 + rng.standard_normal((blocks, 24))[block] + 0.5 * rng.standard_normal(hour.shape)
         _, mean, half = plots.means(w, hour, np.ones(hour.shape, bool), block, np.arange(25.0))
         covered[s] = np.abs(mean - 0.7) <= half
-    # hours are independent here, so all of seasons x 24 intervals count
+    # hours are independent here, so all seasons x 24 intervals count
     assert abs(covered.mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / covered.size)
 
 
@@ -208,7 +208,7 @@ def test_without_named_effects_there_is_one_curve_and_one_map(drawn):
     assert counts == [[2, 5], [3, 6]]
     captions = [{f.kind: caption(f) for f in files} for files, _ in (one, two)]
     assert "right one" not in captions[0]["diagnosis_map"] and "right one" in captions[1]["diagnosis_map"]
-    for texts in captions:  # a number of days, and a word where it is 0
+    for texts in captions:  # a number of days, and a word if it is 0
         assert re.search(r"On (none|[1-9]\d*) of the \d+ days kept apart", texts["diagnosis_day"])
 
 

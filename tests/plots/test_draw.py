@@ -1,4 +1,4 @@
-"""All figures of a run: which files, the same bytes, readable texts, and captions of what is shown."""
+"""Test all figures of a run: files, equal bytes, readable texts, and captions of the shown data."""
 
 import dataclasses
 import datetime as dt
@@ -23,12 +23,12 @@ LONG = (
     "a week", "five years", "a river, one day", "a river, a year", "a river, all days failed",
     "long names", "twelve days over new year",
 )  # fmt: skip
-"""Cases that `make test-long` checks."""
+"""Cases of `make test-long`."""
 
 
 @pytest.fixture(scope="module")
 def drawn():
-    """Records and figures of a case, drawn once and not written."""
+    """Return records and figures of a case, drawn once and not written."""
     made = {}
 
     def of(name):

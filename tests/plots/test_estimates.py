@@ -1,4 +1,4 @@
-"""Numbers in the panels of estimates: columns, marks, shares, lines and limits."""
+"""Test the numbers in the panels of estimates: columns, marks, shares, lines and limits."""
 
 import dataclasses
 
@@ -41,7 +41,7 @@ def legend(ax):
 
 
 def segments(ax):
-    """Ends (x, y) of all lines drawn as collections."""
+    """Return the ends (x, y) of all lines drawn as collections."""
     paths = [path.vertices for one in ax.collections for path in one.get_paths() if len(path.vertices) == 2]
     return {tuple(np.round(v, 9).ravel()) for v in paths}
 

@@ -1,4 +1,4 @@
-"""The paper's figures: readable, the same bytes each time, with the numbers of the year."""
+"""Test the paper's figures: readable, equal bytes each time, with the numbers of the year."""
 
 import dataclasses
 import datetime as dt
@@ -22,7 +22,7 @@ NUMBERS = [str(number) for number in range(1, 20)]
 
 @pytest.fixture(scope="module")
 def figures():
-    """The figures of a year by their number, drawn and not written."""
+    """Return the figures of a year by their number, drawn and not written."""
     return all_of(year(), estimated())
 
 
@@ -42,7 +42,7 @@ def test_no_text_is_cut_off_and_no_tick_labels_overlap(num, figures):
 
 
 def written(folder):
-    """The files of the figures in `folder`, with their page."""
+    """Return the files of the figures in `folder`, with their page."""
     files = draw_paper(year(), estimated(), [of_year(year())], folder)
     write_gallery(year(), files, folder)
     for f in files:

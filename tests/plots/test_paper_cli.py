@@ -1,4 +1,4 @@
-"""`rivid figures OUT --paper` on a finished run."""
+"""Test `rivid figures OUT --paper` on a finished run."""
 
 import json
 import shutil
@@ -23,7 +23,7 @@ def invoke(command, *args):
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
-    """A run of twelve days."""
+    """Return OUT of a run of twelve days."""
     place = tmp_path_factory.mktemp("run")
     s = season()
     columns = zip(s.inflow, s.outflow, s.level, strict=True)

@@ -1,4 +1,4 @@
-"""The data of the paper's figures: logs, estimates and the intervals of a cascade."""
+"""Test the data of the paper's figures: logs, estimates and the intervals of a cascade."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""Figures of the season and of the law: curves, marks and intervals."""
+"""Test the figures of the season and of the law: curves, marks and intervals."""
 
 import dataclasses
 import datetime as dt

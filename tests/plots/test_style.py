@@ -1,4 +1,4 @@
-"""Sheets, legends, ticks of dates and files."""
+"""Test sheets, legends, date ticks and files."""
 
 import datetime as dt
 

@@ -15,13 +15,13 @@ SCENARIO = Path(__file__).parents[2] / "configs" / "scenarios" / "basse_isere.to
 
 @cache
 def season(days: int = 14, missing: int = 2, seed: int = 11) -> Season:
-    """A short season of the sample year's reach."""
+    """Return a short season of the sample year's reach."""
     raw = load_scenario(SCENARIO).model_dump(exclude_unset=True)
     return simulate(parse({**raw, "days": days, "missing_days": missing}, Scenario, "test"), seed)
 
 
 def year(days: int = 14, missing: int = 2, seed: int = 11) -> Year:
-    """The same as logs."""
+    """Return the same season as logs."""
     s = season(days, missing, seed)
     config = Config(reach=ReachConfig(name="basse-isere"))
     return year_of(config, s.dates, s.inflow, s.outflow, s.level)
@@ -29,23 +29,23 @@ def year(days: int = 14, missing: int = 2, seed: int = 11) -> Year:
 
 @cache
 def estimated(days: int = 14, missing: int = 2, seed: int = 11) -> Results:
-    """The estimates of a year, computed once."""
+    """Return the estimates of a year, computed once."""
     return estimate(year(days, missing, seed))
 
 
 def without_outflow(y: Year) -> Year:
-    """The same logs without the downstream command."""
+    """Return the same logs without the downstream command."""
     return dataclasses.replace(y, outflow=())
 
 
 def still(y: Year, *days: int) -> Year:
-    """The same logs, with an inflow that does not move on some days."""
+    """Return the same logs with a constant inflow on some days."""
     inflow = tuple(u * 0 + u[0] if i in days else u for i, u in enumerate(y.inflow))
     return dataclasses.replace(y, inflow=inflow)
 
 
 def cut(y: Year, day: int, n: int) -> Year:
-    """The same logs, with a day that is `n` samples shorter."""
+    """Return the same logs with a day that is `n` samples shorter."""
 
     def shorter(columns):
         return tuple(x[:-n] if i == day else x for i, x in enumerate(columns))

@@ -1,10 +1,10 @@
-"""Equation (8) written out, for tests that need a pool without its operators."""
+"""Equation (8) written out, for tests that need a pool without operators."""
 
 import numpy as np
 
 
 def difference_equation(inflow, outflow, delay, alpha_i, alpha_o):
-    """Level of the integrator with a delay of d samples; flows are zero before the first sample."""
+    """Return the level of the integrator with a delay of d samples; flows are zero before the start."""
     level = np.zeros(np.shape(inflow))
     for k in range(1, level.shape[-1]):
         late = inflow[..., k - delay - 1] if k > delay else 0.0

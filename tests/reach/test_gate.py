@@ -1,4 +1,4 @@
-"""Gate, leaks, ponds and area slope, against second-by-second integration, in either reach."""
+"""Test gate, leaks, ponds and area slope against second-by-second integration, in both kinds of reach."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_the_pool_with_leak_pond_and_area_slope_agrees_with_a_stiff_integrator()
         leaks=(Leak(0.5, np.full(1, 40.0), 129.9),), ponds=(Pond(0.3, 2e5, np.full(1, 80.0)),),
         gate=Gate(head=np.full(1, 0.05), reference=130.0), area_slope=0.4, area_reference=130.0,
     )  # fmt: skip
-    time = 5.0 * np.arange(6000)  # short samples: what follows the level is held from sample to sample
+    time = 5.0 * np.arange(6000)  # short samples: flows that follow the level are held within a sample
     inflow = 300.0 + 30.0 * np.sin(time / 4000.0)
     outflow = np.full(len(time), 300.0)
     got = pool_level(POOL, time, inflow, outflow, 0.0, start=130.1, before=inflow[0], changes=changes)[0]
@@ -92,7 +92,7 @@ def test_no_water_is_lost_between_reach_leak_pond_and_gate(slope):
     lost = leak.loss[0] * (flow.levels[:-1, 0] - leak.reference) * T_S
     stored = flow.end.ponds[0, 0] - flow.levels[0, 1]
     balance = np.sum((inflow[:-1] - flow.released[:-1]) * T_S) - lost.sum() - stored * pond.area
-    # gates move in 30 s: volume still to pass at the first and the last sample
+    # gates move in 30 s: the remaining volume at the first and the last sample
     balance += 15.0 * ((inflow[0] - inflow[-2]) - (flow.released[0] - flow.released[-2]))
     balance += 15.0 * (flow.released[0] - outflow[0])
     assert abs(stored) > 0.01

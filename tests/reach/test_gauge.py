@@ -1,4 +1,4 @@
-"""The stilling well against small steps in time."""
+"""Test the stilling well against small steps in time."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ FINE = 2000
 
 
 def by_small_steps(time, level, lags):
-    """The well's level, each interval in :data:`FINE` implicit midpoint steps."""
+    """Return the level in the well, with each interval in :data:`FINE` implicit midpoint steps."""
     well, rows = level[0], [level[0]]
     for k in range(len(time) - 1):
         h = (time[k + 1] - time[k]) / FINE

@@ -1,4 +1,4 @@
-"""The operators downstream, one setting at a time."""
+"""Test the operators of the downstream dam, one setting at a time."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def one_operator(settings):
 
 
 def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, changes=None, seed=0, duty=None, crew=None):
-    """Outflow commands and true level."""
+    """Return the outflow commands and the true level."""
     n = len(inflow)
     aims = np.broadcast_to(aim, n)
     operators = operator_arrays(
@@ -48,7 +48,7 @@ def test_an_inflow_step_dips_the_level_and_the_trim_brings_it_back():
     inflow = np.where(np.arange(N) < 50, 300.0, 400.0)
     outflow, level = run(inflow, replace(OperatorSettings(), dead_band=0.0))
     dip = -100 * TAU / REACH.surface_area
-    # K_Q = 1: the volume let out before the wave comes
+    # K_Q = 1: volume released before the wave arrives
     assert level.min() == pytest.approx(130 + dip, rel=1e-3)
     assert np.abs(level[-100:] - 130).max() < 0.01
     assert np.abs(outflow[-100:] - 400).max() <= 2
@@ -74,7 +74,7 @@ def test_errors_inside_the_dead_band_change_nothing():
 
 def test_looks_come_within_their_times_or_when_the_inflow_moves():
     inflow = np.full(N, 300.0)
-    noise = 0.05 * np.random.default_rng(1).standard_normal(N)  # each look sees another level
+    noise = 0.05 * np.random.default_rng(1).standard_normal(N)  # each look reads another level
     settings = replace(PLAIN, look=(600.0, 1800.0), notice=4.0)
     outflow, _ = run(inflow, settings, noise=noise)
     waits = np.diff(TIME[1:][np.diff(outflow) != 0])

@@ -1,4 +1,4 @@
-"""The reach against slow, independent integrations of (7), (8) and (10)."""
+"""Test the reach against slow, independent integrations of (7), (8) and (10)."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def level_response(*given, **rest):
 
 
 def came(time, flow, travel_time):
-    """Volume at the dam of a flow with a travel time for what departs at each sample."""
+    """Return the volume at the dam of a flow, with a travel time for the departure of each sample."""
     return arrived_volume(time, np.maximum.accumulate(time + travel_time), held_volume(time, flow), 0.0)
 
 
@@ -129,9 +129,9 @@ def test_rows_of_one_grid_are_delayed_and_spread_as_row_by_row(delay):
     row = np.cumsum(rng.uniform(60.0, 200.0, 151))
     edges = row + 86_400.0 * np.arange(4)[:, None]
     flow = 300.0 + rng.normal(size=(4, 150)).cumsum(axis=1)
-    apart = edges + np.cumsum(rng.uniform(0.0, 1e-3, edges.shape), axis=1)  # no row like another
+    apart = edges + np.cumsum(rng.uniform(0.0, 1e-3, edges.shape), axis=1)  # all rows differ
     np.testing.assert_allclose(delayed_flow(edges, flow, delay), delayed_flow(apart, flow, delay), atol=0.02)
-    fine = np.linspace(edges[2, 0], edges[2, -1], 400_001)  # a sample's mean is that of its instants
+    fine = np.linspace(edges[2, 0], edges[2, -1], 400_001)  # the mean of a sample is that of its instants
     late = flow[2, np.clip(np.searchsorted(edges[2], fine - delay, side="right") - 1, 0, 149)]
     sample = np.clip(np.searchsorted(edges[2], fine, side="right") - 1, 0, 149)
     means = np.bincount(sample, late) / np.bincount(sample)

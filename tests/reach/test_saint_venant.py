@@ -1,4 +1,4 @@
-"""Saint-Venant against independent solutions: rest, mass, profiles, waves, a dam break, the box scheme."""
+"""Test Saint-Venant against independent solutions: rest, mass, profiles, waves, dam break, box scheme."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ UNEVEN = {
     "bed_modes": (0.4, 0.2, -0.2),
     "manning_modes": (0.1, 0.1),
 }
-"""Shapes of a reach that varies along its way."""
+"""Modes of a reach with variable sections."""
 
 
 def uneven(cells=32):
@@ -24,7 +24,7 @@ def uneven(cells=32):
 
 
 def gate_volume(time, commands, gate_time, start):
-    """Volume through a gate at each sample: the ramps as trapezia, by hand."""
+    """Return the volume through a gate at each sample: the ramps as trapezia, by hand."""
     position, total = start, [0.0]
     for length, command in zip(np.diff(time), commands, strict=False):
         if gate_time <= length:
@@ -88,7 +88,7 @@ def test_commands_that_differ_start_an_even_rise_without_a_wave():
     assert rise[0] == pytest.approx(10.0 * 133.0 / channel.surface_area(5.0), rel=0.02)
     assert np.abs(np.diff(rise)).max() < 1e-4
     step = simulate(channel, time, np.where(time < 1.0, 300.0, 310.0), np.full(28, 300.0), 5.0)
-    assert np.abs(np.diff(np.diff(step.level))).max() > 1e-2  # a step of the inflow alone makes a wave
+    assert np.abs(np.diff(np.diff(step.level))).max() > 1e-2  # a step of the inflow alone causes a wave
 
 
 def test_the_steady_profile_is_the_backwater_curve_to_second_order():
@@ -105,7 +105,7 @@ def test_the_steady_profile_is_the_backwater_curve_to_second_order():
     m = UNEVEN["side_slope"]
 
     def backwater(at, level):
-        """d(Q^2 / A)/dx + g A dz/dx + g A S_f = 0, solved for dz/dx."""
+        """Solve d(Q^2 / A)/dx + g A dz/dx + g A S_f = 0 for dz/dx."""
         b, db, dbed = np.interp(at, x, width), np.interp(at, x, widening), np.interp(at, x, fall)
         h = level[0] - np.interp(at, x, bed)
         A, B, P = (b + m * h) * h, b + 2 * m * h, b + 2 * h * np.hypot(1, m)
@@ -145,7 +145,7 @@ def test_a_small_wave_runs_at_its_celerity(side_slope, discharge):
 
 
 def stoker(x, t, high, low):
-    """Depths of a dam break over a wet, flat, frictionless bed (Stoker 1957)."""
+    """Return the depths of a dam break over a wet, flat, frictionless bed (Stoker 1957)."""
     c = np.sqrt(GRAVITY * high)
 
     def mismatch(h):
@@ -179,7 +179,7 @@ def test_a_dam_break_takes_stokers_shape():
 
 @pytest.mark.parametrize(("cells_a_wave", "off"), [(5, 2e-3), (8, 4e-3), (20, 1e-3)])
 def test_standing_waves_swing_in_their_time(cells_a_wave, off):
-    """Between two closed gates, without friction; leapfrog by itself is 5.9, 2.4 and 0.3 % too slow."""
+    """The reach is between two closed gates, without friction. Leapfrog is 5.9, 2.4 and 0.3 % too slow."""
     length, cells = 4000.0, 40
     waves = cells // cells_a_wave
     channel = Channel.smooth(length, 50.0, 0.0, 0.0, cells)
@@ -199,9 +199,9 @@ def test_standing_waves_swing_in_their_time(cells_a_wave, off):
 
 
 def box_scheme(inflow, outflow, start, until, step=20.0, boxes=200):
-    """Level at x = L at each step by the implicit box scheme of Preissmann, centred in time and space.
+    """Return the level at x = L at each step by Preissmann's implicit box scheme, centred in time and space.
 
-    Levels and discharges stand together on the nodes; both equations hold in the middle of each box.
+    Levels and discharges are at the same nodes; both equations hold in the middle of each box.
     """
     s = np.linspace(0.0, 1.0, boxes + 1)
     dx = 8200.0 / boxes
@@ -219,7 +219,7 @@ def box_scheme(inflow, outflow, start, until, step=20.0, boxes=200):
         return (b + m * (z - bed)) * (z - bed)
 
     def momentum(z, Q):
-        """All of dQ/dt's terms in each box."""
+        """Return all terms of dQ/dt in each box."""
         A = area(z)
         R = A / (b + 2.0 * (z - bed) * np.hypot(1.0, m))
         friction = GRAVITY * n**2 * Q * abs(Q) / (A * R ** (4 / 3))
@@ -250,9 +250,9 @@ def box_scheme(inflow, outflow, start, until, step=20.0, boxes=200):
 
         for iteration in range(4):
             at = residual(state)
-            if iteration == 0:  # a step changes the Jacobian little
+            if iteration == 0:  # the Jacobian changes little within a step
                 bands = np.zeros((7, len(state)))
-            for colour in range(7 if iteration == 0 else 0):  # columns seven apart share no row
+            for colour in range(7 if iteration == 0 else 0):  # columns seven apart have no common row
                 moved = state.copy()
                 moved[colour::7] += 1e-6
                 change = (residual(moved) - at) / 1e-6
@@ -277,7 +277,7 @@ def test_an_unsteady_flow_agrees_with_the_implicit_box_scheme():
     assert np.ptp(truth) > 0.5
     errors = []
     for cells in (25, 50):
-        # with commands a sample early and gates that move all the time, the flows follow the curves
+        # with commands a sample early and gates that always move, the flows follow the curves
         start = simulate(uneven(cells), time[:1], [350.0], [350.0], 5.0).end
         flow = simulate(uneven(cells), time, inflow(time + 20.0), outflow(time + 20.0), start, gate_time=20.0)
         errors.append(np.abs(flow.level - truth).max())
@@ -287,7 +287,7 @@ def test_an_unsteady_flow_agrees_with_the_implicit_box_scheme():
 
 @pytest.mark.parametrize("place", [None, 0.61])
 def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
-    time = 20.0 * np.arange(1440)  # the gates' ways, 20 s long, are a smooth flow at every size of step
+    time = 20.0 * np.arange(1440)  # gate ramps of 20 s give a smooth flow at every step size
     inflow = 350.0 + 100.0 * np.sin(2 * np.pi * time / 7200.0) ** 3
     outflow = 350.0 + 60.0 * np.sin(2 * np.pi * time / 9000.0) ** 3
     side = () if place is None else (AddedFlow(place, 20.0 * np.sin(2 * np.pi * time / 6000.0) ** 2),)
@@ -299,7 +299,7 @@ def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
         for cells in (24, 48, 96)
     ]  # fmt: skip
     kinds = [[r.level for r in runs]]
-    if place is None:  # the flow jumps where a lateral one enters
+    if place is None:  # the flow has a jump at a lateral inflow
         kinds += [[r.levels for r in runs], [r.discharges for r in runs]]
     for values in kinds:
         apart = [np.sqrt(np.mean((b - a) ** 2)) for a, b in zip(values, values[1:], strict=False)]

@@ -1,4 +1,4 @@
-"""Calls of the Saint-Venant solver: batches, pieces, places, nudges, and errors."""
+"""Test calls of the Saint-Venant solver: batches, pieces, places, nudges, and errors."""
 
 import subprocess
 import sys
@@ -47,7 +47,7 @@ def test_rows_are_the_same_to_the_bit_in_threads(monkeypatch):
     outflow[[2, 5], 50:] += 600.0
     with pytest.raises(RividError, match="row 2"):
         simulate(POOL, TIME, inflow, outflow, start)
-    monkeypatch.setattr(flow_module, "parent_process", lambda: object())  # a worker among others
+    monkeypatch.setattr(flow_module, "parent_process", lambda: object())  # acts as one of several workers
     assert flow_module._threads(7, 1) == 1
 
 
@@ -77,7 +77,7 @@ def test_a_season_in_pieces_is_the_season_in_one_to_the_bit():
     np.testing.assert_array_equal([*level, piece.level[-1]], whole.level)
     np.testing.assert_array_equal(state.area, whole.end.area)
     first = simulate(POOL, TIME[:100], inflow[:100], outflow[:100], start).end
-    for _ in range(2):  # going on does not change the state
+    for _ in range(2):  # a continued simulation does not change the state
         again = simulate(POOL, TIME[99:], inflow[99:], outflow[99:], first).level
         np.testing.assert_array_equal(again, whole.level[99:])
 

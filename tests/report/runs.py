@@ -1,4 +1,4 @@
-"""Results for the tests of the report, each calm but for what a test sets."""
+"""Results for the tests of the report, without findings except for those that a test sets."""
 
 import dataclasses
 import datetime as dt
@@ -23,13 +23,13 @@ STEADY = [7, 7, 6, 7, 7, 6, 7] * 9
 
 
 def write(run, out, figures=(), summary=SUMMARY):
-    """The page of a run, and what is in it."""
+    """Write the page of a run, and return its parsed content."""
     html = write_report(run, figures, out, summary=summary).read_text(encoding="utf-8")
     return html, Page(html)
 
 
 def simple(delays, status=None, messages=None, name="jmap", start=dt.date(2008, 1, 1), dates=None, **changes):
-    """Results of one estimator with the given delays."""
+    """Return results of one estimator with the given delays."""
     n = len(delays)
     e = estimator(name, dates or dates_of(n, start), unanswered=0)
     delays = np.array(delays, float)
@@ -47,7 +47,7 @@ def simple(delays, status=None, messages=None, name="jmap", start=dt.date(2008, 
 
 
 def passing(t50, inflow, **changes):
-    """Results of a river with the given t50."""
+    """Return results of a river with the given t50."""
     n = len(t50)
     run = river(n)
     e = dataclasses.replace(
@@ -63,24 +63,24 @@ def passing(t50, inflow, **changes):
 
 
 def with_travel(run, fraction):
-    """The same delays, with travel times at this fraction of their samples."""
+    """Return the same delays with travel times at this fraction of their samples."""
     e = run.estimators[0]
     e = dataclasses.replace(e, travel_s=(e.delay + fraction) * run.sample_time)
     return dataclasses.replace(run, estimators=[e])
 
 
 def combined(run, other):
-    """The estimators of both runs."""
+    """Return the estimators of both runs."""
     return dataclasses.replace(run, estimators=run.estimators + other.estimators)
 
 
 def among(n, part):
-    """The last `part` of n days."""
+    """Return the mask of the last `part` of n days."""
     return np.arange(n) >= n - part
 
 
 def summary_of(run):
-    """The summary of a run; `look` counts its days to look at, `rows` are these."""
+    """Return the summary of a run; `look` counts its days to inspect, `rows` are their rows."""
     recent = last_week(run)
     rows = attention(run, recent)
     look = counted(run, recent, rows) if recent else None

@@ -1,4 +1,4 @@
-"""Days to look at: which they are, and how they share rows."""
+"""Test the days to inspect: which they are, and how they share rows."""
 
 import datetime as dt
 

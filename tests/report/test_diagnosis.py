@@ -1,4 +1,4 @@
-"""The files of a diagnosis and its terminal summary: contents, escaping, missing numbers, equal bytes."""
+"""Test the files and the terminal summary of a diagnosis: contents, escaping, missing numbers, same bytes."""
 
 import base64
 import dataclasses
@@ -30,7 +30,7 @@ NAN = math.nan
 
 
 def page(folder, verdict, evidence=EVIDENCE, classes=None, **changes):
-    """The page of a verdict without figures."""
+    """Return the page of a verdict without figures."""
     answer = diagnosis(verdict, evidence, **changes)
     given = None if verdict == "insufficient_data" else evidence
     path = write_diagnosis(folder, answer, given, draw=False, reach="basse_isere", classes=classes)
@@ -43,7 +43,7 @@ def words(page):
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
-    """A written diagnosis with all its figures."""
+    """Return the folder of a written diagnosis with all its figures."""
     folder = tmp_path_factory.mktemp("out")
     answer = with_loop(diagnosis("partly_explained", EVIDENCE), EVIDENCE.record)
     write_diagnosis(folder, answer, EVIDENCE, reach="basse_isere")
@@ -215,7 +215,7 @@ def test_the_closed_loop_has_its_errors_and_operators(whole, tmp_path):
 
 
 def bars(seen):
-    """Widths of the bars of a ranking, in per cent."""
+    """Return the widths of the bars of a ranking, in per cent."""
     return [float(attrs["width"]) for tag, attrs in seen.tags if attrs.get("class") == "part"]
 
 

@@ -1,4 +1,4 @@
-"""The report page: self-contained, escaped, with every number of the summary in its place."""
+"""Test the report page: self-contained, escaped, with every number of the summary in its place."""
 
 import base64
 import dataclasses
@@ -44,7 +44,7 @@ def drawn(tmp_path_factory):
 
 
 def top(page):
-    """The rows of the first list of the page: name, number, and the rest of the words."""
+    """Return the rows of the first list of the page: name, number, and the rest of the text."""
     listed = re.split(r"<dl class=\"glance\">|</dl>", page)[1]
     rows = re.findall(r"<dt>(.*?)</dt><dd.*?><strong>(.*?)</strong>(.*?)</dd>", listed, re.S)
     return {name: (strong, " ".join(re.sub("<.*?>", " ", text).split())) for name, strong, text in rows}
@@ -320,7 +320,7 @@ def test_results_are_read_without_bounds_where_the_geometry_was_assumed(keys):
 
 
 def many_faults(page):
-    """The page with many faults together."""
+    """Return the page with many faults together."""
     ours = "<main><script>0</script>", f"<h6>{'x' * 300}</h6>", '<img src="http://127.0.0.1/x.png" alt="">'
     page = restyled(page.replace("<main>", "".join(ours)), "p { color: #aaa; }")
     return restyled(
@@ -333,11 +333,11 @@ BROKEN = [
     (lambda page: page.replace(" popover>", ">"), {"a click does not enlarge it"}),
     (lambda page: restyled(page, ".space { display: none; }"), {"the page behind it moves"}),
 ]
-"""Changes of a page, and the faults that have to be found then."""
+"""Changes of a page, and the faults that must be found then."""
 
 
 def restyled(page, rules):
-    """The page with more rules, allowed by its policy."""
+    """Return the page with more rules, permitted by its policy."""
     (style,) = re.findall(r"<style>(.*?)</style>", page, re.S)
     old, new = (
         base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (style, style + rules)

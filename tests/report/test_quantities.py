@@ -1,4 +1,4 @@
-"""Numbers, dates and hours of a diagnosis as text."""
+"""Test numbers, dates and hours of a diagnosis as text."""
 
 import datetime as dt
 import math

@@ -1,4 +1,4 @@
-"""The drawing of the last weeks: within its frame, with axes that agree."""
+"""Test the drawing of the last weeks: within its frame, with consistent axes."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def drawn_of(run):
 
 
 def value_at(axis, y):
-    """The value of an axis at a height."""
+    """Return the value of an axis at a height."""
     return np.polyval(np.polyfit([at for at, _ in axis], [float(text) for _, text in axis], 1), y)
 
 

@@ -1,4 +1,4 @@
-"""The summary of a run: its numbers and codes by hand, and the test for a move by simulation."""
+"""Test the summary of a run: its numbers and codes by hand, and the test for a change by simulation."""
 
 import dataclasses
 import datetime as dt
@@ -29,12 +29,12 @@ from tests.plots.synthetic import dates_of, results, river, without_answers
 from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel, write
 
 AGO = np.repeat(np.arange(WEEKS, -1, -1), 7)
-"""Nine weeks, day by day."""
+"""Weeks before the last one, for nine weeks day by day."""
 NAN = np.nan
 
 
 def days(rng, *, correlation=0.0, whole=True, middle=6.7, outliers=0.0):
-    """Nine weeks about one delay, with correlated days and outliers."""
+    """Return nine weeks about one delay, with correlated days and outliers."""
     noise = rng.standard_normal(AGO.size + 20)
     x = np.zeros(noise.size)
     for i in range(1, x.size):
@@ -52,7 +52,7 @@ def test_the_limits_are_those_of_students_t():
 def test_t_equals_that_of_a_regression_on_the_last_week():
     rng = np.random.default_rng(1)
     for _ in range(5):
-        means = rng.normal(20, 5, WEEKS + 1)  # far more scatter among weeks than their days explain
+        means = rng.normal(20, 5, WEEKS + 1)  # much more scatter of weeks than their days explain
         values = means[WEEKS - AGO] + 0.01 * rng.standard_normal(AGO.size)
         got = trend(values, AGO)
         each = np.array([np.sort(values[AGO == w])[1:-1].mean() for w in range(WEEKS + 1)])
@@ -390,7 +390,7 @@ def test_days_without_a_step_have_none_and_one_of_eight_deviations_is_found_wher
 
 
 def test_a_step_within_the_weeks_before_is_reported_with_its_date():
-    """A gauge's clock 10 min late from the fourth week on was "within the scatter of weeks"."""
+    """Regression: a gauge clock 10 min late from the fourth week on was "within the scatter of weeks"."""
     e = results(("jmap",), dates_of(56)).estimators[0]
     moved = 7.0 + 4.0 * (np.arange(56) >= 43)
     run = results(("jmap",), dates_of(56))
@@ -402,7 +402,7 @@ def test_a_step_within_the_weeks_before_is_reported_with_its_date():
 
 
 def test_a_delay_far_longer_than_the_gravity_wave_puts_the_geometry_in_doubt():
-    """A length of half the true one passed without a word."""
+    """Regression: half of the true length gave no warning."""
     run = results(("jmap",), dates_of(14))
     e = run.estimators[0]
     for share, slow in ((1.2, False), (2.0, True)):

@@ -1,4 +1,4 @@
-"""`rivid season`: rows equal those of the core; results of earlier days stay; refusals give their reason."""
+"""Test `rivid season`: rows equal those of the core, earlier results remain, refusals give their reason."""
 
 import csv
 import datetime as dt
@@ -40,7 +40,7 @@ def ask(data, out, *words):
 
 
 def made(out, travel, flow, *, p=None, kind="pool", window=1, T_s=T_S, status=None, u_Qo="u_Qo"):
-    """A finished run as its tables and run.json tell it: travel times [samples] and discharges, per day."""
+    """Write a finished run as tables and run.json: travel times [samples] and discharges, per day."""
     n = len(travel)
     config = parse(
         {"reach": {"name": "made", "kind": kind, "sample_time": T_s}, "run": {"estimators": ["posterior"]}},
@@ -232,7 +232,7 @@ def test_the_law_is_the_cores_and_holds_what_was_planted(seed, tmp_path):
     assert list(table[0]) == LAW_SCHEMA.names and sum(int(r["n"]) for r in table) == core.days
     Q_class, delay = cells(table, "discharge_m3s"), cells(table, "delay_s")
     np.testing.assert_array_equal(delay, core.table.delay)
-    # the middle of two days is taken of ln Q for the law and of Q for the column: they differ by a little
+    # the medians of two days are means, of ln Q for the law and of Q for the column: they differ slightly
     np.testing.assert_allclose(delay, core.T0 * (Q_class / core.Q0) ** -core.b, rtol=1e-3)
     order = ["day_low_s", "delay_low_s", "delay_s", "delay_high_s", "day_high_s"]
     assert (np.diff([cells(table, name) for name in order], axis=0) > 0.0).all()
@@ -240,7 +240,7 @@ def test_the_law_is_the_cores_and_holds_what_was_planted(seed, tmp_path):
 
 
 def test_new_days_lie_in_the_interval_of_a_single_day_as_often_as_its_tails_make_them():
-    """Days of the law with normal scatter: Student's t with the same bulk lets fewer than a tenth out."""
+    """Days follow the law with normal scatter: Student's t with the same bulk excludes less than a tenth."""
     held = []
     for seed in range(12):
         T, Q = law_days(seed)
@@ -289,7 +289,7 @@ def test_a_run_keeps_the_files_of_season(data, tmp_path):
         name: (out / name).read_bytes() for name in (*FILES, "figures/season.png", "figures/delay_law.png")
     }
     assert "0 estimated now" in ask(data, out)[1]
-    assert rivid("run", data, "--out", out, "--estimator", "posterior")[0] == 0  # draws its own figures
+    assert rivid("run", data, "--out", out, "--estimator", "posterior")[0] == 0  # this draws its own figures
     assert rivid("figures", out)[0] == 0
     assert {name: (out / name).read_bytes() for name in wrote} == wrote
     assert rivid("season", out)[0] == 0
@@ -371,10 +371,10 @@ def test_windows_that_overlap_are_not_joined_with_each_other(tmp_path):
 
 
 def test_a_river_is_answered_by_its_t50_where_the_band_is_narrow(tmp_path):
-    """Days of t50 between 9.2 and 9.8, no delay of which is likely enough for a pool's answer."""
+    """Days of t50 between 9.2 and 9.8 have no delay that is probable enough for a pool's answer."""
     p = np.full((30, 15), 1e-9)
     p[:, [8, 9]] = 0.5
-    p[12] = 1.0  # and a day that knows nothing
+    p[12] = 1.0  # and a day without information
     p /= p.sum(axis=1, keepdims=True)
     out = made(tmp_path / "out", np.full(30, 9.45), np.full(30, 300.0), p=p, kind="river", T_s=900.0)
     days = read_days(out, record_of(out))

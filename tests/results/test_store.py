@@ -1,4 +1,4 @@
-"""Rows read from disk in chunks: the same tables for any size of chunk and order of segments."""
+"""Test rows read from disk in chunks: the same tables for any chunk size and order of segments."""
 
 import datetime as dt
 import shutil
@@ -26,7 +26,7 @@ NAMES = ("ml", "posterior")
 
 
 def segment(keys, seed=0):
-    """Rows of some days, two estimators each, as workers write them."""
+    """Return rows of some days, two estimators each, as written by workers."""
     rng = np.random.default_rng(seed)
     rows = []
     for key in keys:
@@ -49,7 +49,7 @@ def small_chunks(monkeypatch):
 
 
 def scattered(folder, seed=0, days=60):
-    """Segments in no order, one day twice; the keys in order."""
+    """Write segments in random order, with one day twice; return the keys in order."""
     folder.mkdir()
     order = np.random.default_rng(seed).permutation(days)
     for part in np.array_split(order, 7):
@@ -83,7 +83,7 @@ def test_only_messages_of_failed_days_are_kept(tmp_path):
 
 @pytest.fixture
 def found(tmp_path, small_chunks):
-    """Rows of scattered segments in the order of their keys."""
+    """Return rows of scattered segments in the order of their keys."""
     keys = scattered(tmp_path / "segments")
     return read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
 
@@ -103,7 +103,7 @@ def test_tables_written_in_chunks_equal_tables_written_at_once(tmp_path, found):
 def test_standard_deviations_may_be_missing_in_a_chunk(tmp_path, small_chunks):
     folder = tmp_path / "segments"
     folder.mkdir()
-    write_segment(folder, segment(range(0, 60, 3)))  # no day of these has one
+    write_segment(folder, segment(range(0, 60, 3)))  # none of these days has one
     write_segment(folder, segment([61]))
     found = read_rows(folder)[0].arranged([f"{key:04d}" for key in [*range(0, 60, 3), 61]], NAMES)
     write_tables(found.chunks(), tmp_path / "out", found.spread)

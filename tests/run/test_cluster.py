@@ -1,4 +1,4 @@
-"""Dask: the same bytes as processes, on this machine and on a standing scheduler, whatever dies."""
+"""Test Dask: the same bytes as processes, on this machine and on a standing scheduler, after any failure."""
 
 import os
 import re
@@ -41,7 +41,7 @@ def season(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """The file of a standing scheduler with one worker of two threads, which this process did not start."""
+    """Return the file of a standing scheduler with one worker of two threads, not started by this process."""
     folder = tmp_path_factory.mktemp("scheduler")
     file = folder / "scheduler.json"
     running = []
@@ -66,7 +66,7 @@ def test_workers_of_this_machine_write_the_same_tables(season, tmp_path):
 
 def test_a_standing_scheduler_writes_the_same_tables_and_stays(season, scheduler, tmp_path, monkeypatch):
     data, whole = season
-    monkeypatch.chdir(tmp_path)  # paths that only mean something here
+    monkeypatch.chdir(tmp_path)  # relative paths that are valid only here
     words = ("run", os.path.relpath(data), "--out", "file", "--scheduler", scheduler, "--no-figures")
     assert rivid(*words)[0] == 0
     with Dask(re.search(r"tcp://[^\"]+", scheduler.read_text())[0]) as engine:
@@ -113,7 +113,7 @@ def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path):
 
 
 def workers_of(child):
-    """The processes that work, below Dask's own."""
+    """Return the worker processes, below Dask's own."""
     return [p for p in family(child) if "spawn_main" in " ".join(words_of(p))]
 
 

@@ -1,4 +1,4 @@
-"""The paper's other estimators through `rivid run`: what they find, what they lack, what edges mean."""
+"""Test the paper's other estimators through `rivid run`: results, limits, and answers at the bounds."""
 
 import csv
 import datetime as dt
@@ -21,12 +21,12 @@ ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
 
 
 def programme(rng, n):
-    """A flow that steps now and then [m3/s]."""
+    """Return a flow with occasional steps [m3/s]."""
     return 300.0 + np.cumsum((rng.random(n) < 0.15) * rng.normal(scale=12.0, size=n))
 
 
 def open_loop(d, seed, n=650):
-    """(8), sample by sample, with an outflow that knows nothing of the level."""
+    """Simulate (8), sample by sample, with an outflow independent of the level."""
     rng = np.random.default_rng([seed, d])
     u, o, h = programme(rng, n), programme(rng, n), np.zeros(n)
     for k in range(1, n):
@@ -36,7 +36,7 @@ def open_loop(d, seed, n=650):
 
 
 def regulated(d, seed, n=650):
-    """(8) and (9), sample by sample, which make (10)."""
+    """Simulate (8) and (9), sample by sample, which together are (10)."""
     rng = np.random.default_rng([seed, d])
     u, o, h = programme(rng, n), np.zeros(n), np.zeros(n)
     for k in range(n):
@@ -48,7 +48,7 @@ def regulated(d, seed, n=650):
 
 
 def write(folder, days):
-    """A log of each day, to all digits."""
+    """Write a log of each day with all digits."""
     folder.mkdir()
     for i, columns in enumerate(days):
         date = FIRST + dt.timedelta(days=i)
@@ -163,12 +163,12 @@ def test_jmap_uniform_estimated_is_table_vi_without_the_terms_of_the_delay(all_o
     u, y = (np.stack([c[k] for c in columns]) for k in (1, 3))
     u, y = u - u[:, :1], y - y[:, :1]
     np.testing.assert_array_equal(found.delay, jmap(u, y, prior="uniform").delay)
-    # but for -2 ln d, a Rayleigh prior this wide changes the criterion by d^2 / sigma_d^2 < 3e-6
+    # except for -2 ln d, such a wide Rayleigh prior changes the criterion by d^2 / sigma_d^2 < 3e-6
     wide = jmap(u, y, delay_scale=1e4)
     low = found.criterion - found.criterion.min(axis=1, keepdims=True)
     terms = -2 * np.log(found.candidates)
     high = wide.criterion - terms
-    same = abs(wide.alpha / found.alpha - 1) < 1e-9  # variances follow the delay that was chosen
+    same = abs(wide.alpha / found.alpha - 1) < 1e-9  # variances depend on the selected delay
     assert same.any()
     np.testing.assert_allclose(
         low[same], (high - high.min(axis=1, keepdims=True))[same], rtol=1e-6, atol=5e-6
@@ -176,7 +176,7 @@ def test_jmap_uniform_estimated_is_table_vi_without_the_terms_of_the_delay(all_o
 
 
 def moves(config):
-    """The lag of the largest move of the level: a poor estimator, to test what a new one needs."""
+    """Return the lag of the largest move of the level: a poor estimator, to test the needs of a new one."""
     candidates = np.arange(config.jmap.d_min, config.jmap.d_max + 1)
 
     def estimate(days):

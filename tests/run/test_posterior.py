@@ -1,4 +1,4 @@
-"""`posterior` through `rivid run`: rows equal those of the core; days without a result give the reason."""
+"""Test `posterior` through `rivid run`: rows equal those of the core; days without a result have a reason."""
 
 import csv
 import datetime as dt
@@ -30,7 +30,7 @@ def rows_of(out, name="posterior"):
 
 
 def cell(value):
-    """A number as a cell; NaN where it is empty."""
+    """Return a cell as a number; NaN if it is empty."""
     return float(value) if value else np.nan
 
 
@@ -48,7 +48,7 @@ def logs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def both(logs, tmp_path_factory):
-    """OUT of a run of posterior and jmap, and the core's result of the same days."""
+    """Return OUT of a run of posterior and jmap, and the core's result of the same days."""
     out = tmp_path_factory.mktemp("both") / "out"
     assert rivid("run", logs, "--out", out, "--no-figures", *ASKED, "--estimator", "jmap")[0] == 0
     days = [a_day(FIRST + dt.timedelta(days=k)) for k in range(N_DAYS)]
@@ -185,7 +185,7 @@ def test_a_day_is_long_enough_exactly_where_the_core_takes_it(d_max):
 
 
 def test_a_river_has_the_probability_of_its_t50(tmp_path):
-    """Three days of water that comes 5 samples later and a little spread: high water as fast as low."""
+    """Three days with water 5 samples later and slightly spread: high flows are as fast as low ones."""
     rng = np.random.default_rng(3)
     lags = np.array([0, 0, 0, 0, 0.3, 0.4, 0.2, 0.1])
     flow = 300.0 + 60.0 * np.repeat(rng.standard_normal(3 * 24), 4)
@@ -213,7 +213,7 @@ def test_a_river_has_the_probability_of_its_t50(tmp_path):
     assert cell(row["delay_s"]) == pytest.approx(900.0 * core.place[0], rel=1e-6)
     assert cell(row["delay_samples"]) == core.delay[0] == np.floor(core.place[0] + 0.5)
     assert cell(row["probability"]) == pytest.approx(core.right[0], rel=1e-6)
-    assert core.place[0] == pytest.approx(4.5, abs=0.7)  # half has come between lags 4 and 5
+    assert core.place[0] == pytest.approx(4.5, abs=0.7)  # half has arrived between lags 4 and 5
 
 
 def test_settings_of_posterior_repeat_only_its_own_work(logs, tmp_path):
@@ -241,7 +241,7 @@ def test_an_hourly_pool_with_a_delay_below_one_sample_names_the_doubt_of_its_sta
 
 
 def test_a_length_that_is_ten_times_too_short_is_doubted(logs, tmp_path):
-    """On the terminal where there are delays; in the reason where the delay lies beyond d_max."""
+    """The doubt is on the terminal if there are delays; in the reason if the delay is beyond d_max."""
     (tmp_path / "short.toml").write_text("[reach]\nlength = 820\nwidth = 81.6\ndepth = 4.9\n")
     given = ("run", logs, "--config", tmp_path / "short.toml", "--no-figures", *ASKED)
     assert "by [reach] a wave takes 1.5 to 1.9 min: check length" in rivid(*given, "--out", tmp_path / "a")[1]

@@ -1,4 +1,4 @@
-"""Regressions: faults of `rivid run` that were found once."""
+"""Regressions: earlier faults of `rivid run`."""
 
 import datetime as dt
 import json
@@ -45,7 +45,7 @@ def test_tables_of_an_interrupted_run_with_other_settings_are_written_again(data
     ours = bytes_of(out)
     other = parse({"jmap": {"sigma_d": 3.0}}, Config)
 
-    monkeypatch.setattr("rivid.results.store.hashes", dies)  # right after the tables were replaced
+    monkeypatch.setattr("rivid.results.store.hashes", dies)  # right after the tables are replaced
     with pytest.raises(KeyboardInterrupt):
         run(data, out, other, Options(figures=False))
     monkeypatch.undo()
@@ -229,7 +229,7 @@ def test_a_toml_with_a_byte_order_mark_is_read(tmp_path):
 
 
 def test_without_a_zone_today_is_the_logs_own(tmp_path):
-    """Half a day behind UTC the day is under way while UTC is mostly a day ahead."""
+    """Half a day behind UTC, the current day is mostly a day earlier than in UTC."""
     data = tmp_path / "data"
     data.mkdir()
     zone = dt.timezone(dt.timedelta(hours=-12))

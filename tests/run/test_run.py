@@ -1,4 +1,4 @@
-"""`rivid run`, end to end: the contract, exit codes, and the same bytes in any order of work."""
+"""Test `rivid run` end to end: the contract, exit codes, and the same bytes in any order of work."""
 
 import contextlib
 import csv
@@ -27,7 +27,7 @@ TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "p
 
 
 def rivid(*words):
-    """Run a command in this process; its exit code and what it said."""
+    """Run a command in this process; return its exit code and its output."""
     result = CliRunner().invoke(cli, [str(w) for w in words], standalone_mode=False)
     if result.exception and not isinstance(result.exception, SystemExit):
         code = getattr(result.exception, "exit_code", None)
@@ -38,7 +38,7 @@ def rivid(*words):
 
 
 def command(*words, cwd=None, preexec_fn=None, stdout=None, stderr=None):
-    """The command in a fork of this process, which saves the second that imports take."""
+    """Run the command in a fork of this process, which saves the second of the imports."""
     (out, its_out), (err, its_err) = os.pipe(), os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -56,7 +56,7 @@ def command(*words, cwd=None, preexec_fn=None, stdout=None, stderr=None):
 
 
 def _become(words, out, err, cwd, preexec_fn):
-    """Be the command until its end: its streams, its directory, and no worker processes of the parent."""
+    """Run the command to its end with its own streams and directory, without the parent's workers."""
     code = 1
     try:
         for number, file in ((1, out), (2, err)):
@@ -96,7 +96,7 @@ def data(logs, tmp_path):
 
 @pytest.fixture(scope="module")
 def finished(logs, tmp_path_factory):
-    """OUT of a run of jmap and ml, its output, and the bytes of its tables."""
+    """Return OUT of a run of jmap and ml, its output, and the bytes of its tables."""
     out = tmp_path_factory.mktemp("finished") / "out"
     code, said = rivid("run", logs, "--out", out, "--estimator", "jmap", "--estimator", "ml", "--workers", 1)
     assert code == 0

@@ -1,4 +1,4 @@
-"""Shards of a run: parts that go together, locks that keep them from a whole run, and the same bytes."""
+"""Test shards of a run: parts that can run together, locks against a whole run, and the same bytes."""
 
 import datetime as dt
 import json

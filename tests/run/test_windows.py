@@ -1,4 +1,4 @@
-"""`[run] window`: data sets shorter than a day, at the sample times of a laboratory canal."""
+"""Test `[run] window`: data sets shorter than a day, at the sample times of a laboratory canal."""
 
 import csv
 import datetime as dt
@@ -27,7 +27,7 @@ SETTINGS = {
 
 
 def stretch(seed):
-    """Discharges [m3/s] of a canal: steps, a delay of 0.75 s and a short tail."""
+    """Return discharges [m3/s] of a canal: steps, a delay of 0.75 s and a short tail."""
     rng = np.random.default_rng(seed)
     u = 0.01 + 0.002 * np.repeat(rng.normal(size=N // 20), 20)
     h = np.exp(-np.arange(30) / 3.0)

@@ -1,4 +1,4 @@
-"""Workers: death of one, progress, figures and imports."""
+"""Test workers: death of one, progress, figures and imports."""
 
 import os
 import subprocess
@@ -29,7 +29,7 @@ batch.logs.read_window = deadly
 
 def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch):
     (tmp_path / "site").mkdir()
-    (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)  # workers import it
+    (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)  # imported by the workers
     write_days(tmp_path / "data", 9)
     words = [
         sys.executable,
@@ -128,4 +128,4 @@ def test_new_files_of_many_days_are_listed_by_the_engine_with_the_same_results(t
     run(data, tmp_path / "shared", Config(), options, engine=engine)
     assert [task.__name__ for task in engine.tasks] == [
         "look_ahead"
-    ]  # of the bad file, whose facts are not kept
+    ]  # of the bad file, which has no stored facts

@@ -1,4 +1,4 @@
-"""`rivid simulate`, its files, and the sample data that were made with it."""
+"""Test `rivid simulate`, its files, and the sample data generated with it."""
 
 import datetime as dt
 import json
@@ -52,7 +52,7 @@ def test_logs_lie_in_the_directory_and_the_truth_next_to_it(scenario, tmp_path):
 def test_twice_gives_the_same_bytes_and_another_seed_does_not(scenario, tmp_path):
     call(scenario, "--out", tmp_path / "a")
     call(scenario, "--out", tmp_path / "b")
-    call(scenario, "--out", tmp_path / "a")  # over itself
+    call(scenario, "--out", tmp_path / "a")  # overwrites itself
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
     assert (tmp_path / "a_truth.json").read_bytes() == (tmp_path / "b_truth.json").read_bytes()
     call(scenario, "--out", tmp_path / "c", "--seed", 2, "--truth", tmp_path / "elsewhere" / "t.json")

@@ -1,4 +1,4 @@
-"""Seasons of the Saint-Venant reach: programme, arrival of the wave, steady operators, cascades."""
+"""Test seasons of the Saint-Venant reach: programme, arrival of the wave, steady operators, cascades."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ FEW = PLAIN.model_copy(update={"days": 12, "missing_days": 0})
 
 
 def changed(scenario, **sections):
-    """The scenario with some keys of some sections changed."""
+    """Return the scenario with some keys of some sections changed."""
     return scenario.model_copy(
         update={name: getattr(scenario, name).model_copy(update=keys) for name, keys in sections.items()}
     )

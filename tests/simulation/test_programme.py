@@ -1,4 +1,4 @@
-"""The river and the dispatcher."""
+"""Test the river flow and the dispatcher."""
 
 import datetime as dt
 

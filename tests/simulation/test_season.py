@@ -1,4 +1,4 @@
-"""Seasons: reproducible, continuous, in balance, with the right true delay."""
+"""Test seasons: reproducible, continuous, in balance, with the right true delay."""
 
 import datetime as dt
 from dataclasses import fields
@@ -20,7 +20,7 @@ FEW = Scenario(days=12, seed=5)
 
 
 def changed(scenario, **sections):
-    """The scenario with some keys of some sections changed."""
+    """Return the scenario with some keys of some sections changed."""
     return scenario.model_copy(
         update={name: getattr(scenario, name).model_copy(update=keys) for name, keys in sections.items()}
     )

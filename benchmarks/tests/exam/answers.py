@@ -1,4 +1,4 @@
-"""Answers made by hand, as diagnosis.json has them, and truths to judge them by."""
+"""Hand-made answers with the structure of diagnosis.json, and truths to judge them by."""
 
 from typing import Any
 

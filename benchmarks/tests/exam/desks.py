@@ -1,4 +1,4 @@
-"""Simple desks in place of the real ones: they simulate and diagnose nothing."""
+"""Simple steps in place of the real ones: they simulate and diagnose nothing."""
 
 import datetime as dt
 import os
@@ -28,12 +28,12 @@ def floored(logs, told):
 
 
 def refused(logs):
-    """Fails where it is asked at all."""
+    """Fail if it is called at all."""
     raise AssertionError(f"asked again in {Path.cwd()}")
 
 
 def barren(seed):
-    """A season that cannot be, at one seed."""
+    """Raise an error for one seed, as for a season that cannot be simulated."""
     if seed == 1:
         raise ConfigError("operators.level_gain is too strong")
     return planted(seed)

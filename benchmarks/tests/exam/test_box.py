@@ -1,4 +1,4 @@
-"""The box scheme: volume, and the explicit scheme on a channel that both have."""
+"""Test the box scheme: volume, and agreement with the explicit scheme on a channel of both."""
 
 import numpy as np
 import pytest
@@ -57,8 +57,10 @@ def test_derivatives_of_a_section_are_those_of_differences(depth):
 
 
 def commands(seed, n=400, T=120.0):
-    """Flows that move within an hour: steps would set the reach swinging, which each scheme damps its own
-    way."""
+    """Return flows that change within an hour.
+
+    Steps would make the reach oscillate, and each scheme damps oscillations differently.
+    """
     rng = np.random.default_rng(seed)
     time = T * np.arange(n)
     inflow = 300.0 + np.interp(time, np.linspace(2400.0, time[-1], 14), np.r_[0.0, rng.normal(0.0, 40.0, 13)])

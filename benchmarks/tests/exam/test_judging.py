@@ -1,4 +1,4 @@
-"""Answers made by hand are judged as a reader would."""
+"""Test that hand-made answers are judged as a reader would judge them."""
 
 import pytest
 

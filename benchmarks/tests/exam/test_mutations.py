@@ -1,4 +1,4 @@
-"""The mutations: each takes out what it says, and puts it back."""
+"""Test that each mutation removes the part of its name, and restores it."""
 
 import pkgutil
 
@@ -35,7 +35,7 @@ def test_what_is_taken_out_is_there_and_comes_back(mutation, target):
 @pytest.mark.long
 @pytest.mark.parametrize("mutation", MUTATIONS)
 def test_a_mutated_diagnosis_answers(mutation):
-    """One that crashes would be refused for that, and prove nothing."""
+    """Check that a crash raises: the exam would refuse it, which shows nothing about the removed part."""
     logs = plant(11, 15).logs
     assert "error" not in answered(logs, mutation)
 

@@ -1,4 +1,4 @@
-"""The page: every row of the targets, and numbers that can be counted by hand."""
+"""Test the page: every row of the targets, and numbers that can be counted by hand."""
 
 import numpy as np
 import pytest

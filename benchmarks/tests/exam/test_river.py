@@ -1,4 +1,4 @@
-"""The free river: a row of reservoirs."""
+"""Test the free river: a cascade of reservoirs."""
 
 import numpy as np
 import pytest

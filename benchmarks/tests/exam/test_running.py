@@ -1,4 +1,4 @@
-"""Running: results are kept as they come, nothing is asked twice, and truth stays away from who answers."""
+"""Test the runs: results are stored at once, no season is repeated, and the diagnosis has no truth."""
 
 import json
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""Shares, their intervals, and targets."""
+"""Test shares, their intervals, and targets."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""1x: its filter and its forecasts against slow and independent ones."""
+"""Test the filter and the forecasts of 1x against slow, independent calculations."""
 
 import numpy as np
 import pytest
@@ -51,9 +51,9 @@ def test_the_likelihood_of_the_filter_is_that_of_the_whole_covariance(seed):
     n, c, phi, inflow, gauge = 12, 0.3, 0.8, 0.5, 0.2
     walk = rng.uniform(0.01, 1.0, (1, n))
     W = inflow * phi ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    L = np.tril(np.ones((n, n)), -1)  # x_k = sum of what came before
+    L = np.tril(np.ones((n, n)), -1)  # x_k is the sum of the previous steps
     S = L @ (c * c * W + np.diag(walk[0])) @ L.T + gauge * np.eye(n)
-    D = np.diff(np.eye(n), axis=0)  # of the differences, since x_0 is unknown
+    D = np.diff(np.eye(n), axis=0)  # differences, since x_0 is unknown
     z = rng.normal(size=n)
     direct = (D @ z) @ np.linalg.solve(D @ S @ D.T, D @ z)
     white, _, _ = filtered(z[None, None], walk, c, phi, inflow, gauge)
@@ -62,7 +62,7 @@ def test_the_likelihood_of_the_filter_is_that_of_the_whole_covariance(seed):
 
 def test_the_misfit_follows_changes_of_the_level_s_rate():
     level = np.zeros((1, 60))
-    level[0, 30:] = np.arange(30.0)  # it begins to rise
+    level[0, 30:] = np.arange(30.0)  # it starts to rise
     variance = misfit(level)
     assert variance[0, :26].max() == 0.0 and variance[0, 40:50].max() == pytest.approx(0.0)
     assert variance.sum() >= sizing.MISFIT**2 * 0.99

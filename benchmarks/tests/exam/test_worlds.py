@@ -1,4 +1,4 @@
-"""Worlds and what is hidden in them: by seed, and as the truth has it."""
+"""Test the worlds and their hidden effects: reproducible by seed, and equal to the truth."""
 
 import datetime as dt
 from collections import Counter
@@ -161,7 +161,7 @@ def test_what_goes_between_processes_has_what_a_knowing_model_needs():
 
 
 def test_a_fit_to_short_samples_of_an_uneven_channel_ends_at_its_optimum():
-    """From a settled response; from the nominal one it ends 260 nats lower, in a maximum of its own."""
+    """Start from a fitted response. From the nominal one the fit ends in another maximum, 260 nats lower."""
     logs, _ = sealed(7036, longest=40)
     record = record_of(logs)
     record = record.take(np.arange(0, record.days, 4))

@@ -1,9 +1,9 @@
-"""The corpus of foreign exports: what each system writes, and what was measured. Knows nothing of rivid.
+"""Generate the corpus of foreign exports, files and measured values of each system, without rivid.
 
-    python tests/data/exports/make.py      writes every case again, the same bytes each time
+        python tests/data/exports/make.py      writes every case again, with the same bytes each time
 
-A case is a folder: the exported files, `config.toml` that declares them (by hand), and `expected.csv` with
-what a reader must find: seconds since 1970, u_Qi, u_Qo [m3/s] and h_L [m], empty where nothing was measured.
+A case is a folder: the exported files, `config.toml` that declares them (by hand), `expected.csv` with the
+values that a reader must find: seconds since 1970, u_Qi, u_Qo [m3/s] and h_L [m], empty if not measured.
 """
 
 import datetime as dt
@@ -21,7 +21,7 @@ CFS, FT = 0.028316846592, 0.3048
 MARCH = dt.date(2008, 3, 13)
 ISO, DASHES, SLASHES = "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S", "%d/%m/%Y %H:%M"
 CASES = {}
-"""Every case by name: a function that gives the files by name and the expected values by UTC second."""
+"""Every case by name: a function that returns the files by name and the expected values by UTC second."""
 
 
 def case(function):
@@ -30,7 +30,7 @@ def case(function):
 
 
 def world(first=MARCH, n_days=2, zone=CET):
-    """What happened: UTC seconds to inflow (whole m3/s), outflow (whole m3/s), level (mm)."""
+    """Return the measured values: UTC seconds to inflow (whole m3/s), outflow (whole m3/s), level (mm)."""
     start, end = (dt.datetime.combine(first + dt.timedelta(days=k), dt.time(), zone) for k in (0, n_days))
     truth = {}
     for k, second in enumerate(range(int(start.timestamp()), int(end.timestamp()), STEP)):
@@ -46,7 +46,7 @@ def clock(second, zone, form):
 
 
 def rewritten(truth, factors, forms):
-    """The values as another unit's text holds them, and what that text means in m3/s and m."""
+    """Return the values as text in other units, and their exact values in m3/s and m."""
     texts, meant = {}, {}
     for second, values in truth.items():
         texts[second] = [form.format(v / f) for v, f, form in zip(values, factors, forms, strict=True)]
@@ -60,7 +60,7 @@ def plain(truth):
 
 
 def lines_of(texts, form, separator=",", zone=CET, other=()):
-    """A line per moment; `other` holds cells by (row, column) that are logged in place of the value."""
+    """Return a line per moment; `other` has cells by (row, column) that are logged in place of the value."""
     return [
         separator.join([clock(s, zone, form), *(dict(other).get((k, j), c) for j, c in enumerate(cells))])
         for k, (s, cells) in enumerate(texts.items())
@@ -68,7 +68,7 @@ def lines_of(texts, form, separator=",", zone=CET, other=()):
 
 
 def without(expected, *cells):
-    """Nothing was measured in these (row, column)."""
+    """Return the expected values without these (row, column), which were not measured."""
     moments = sorted(expected)
     for row, column in cells:
         expected[moments[row]][column] = None
@@ -97,7 +97,7 @@ def campbell():
 
 @case
 def usgs():
-    """RDB: comments, a row of column widths, flags beside the values, MST before and MDT after the change."""
+    """RDB: comments, a row of column widths, flags after the values, MST before and MDT after the change."""
     zone = ZoneInfo("America/Denver")
     texts, meant = rewritten(
         world(dt.date(2024, 3, 9), 3, zone), (CFS, CFS, FT), ("{:.0f}", "{:.0f}", "{:.2f}")
@@ -125,7 +125,7 @@ def usgs():
 
 @case
 def fews():
-    """FEWS: three rows above the data, the parameter alone is not distinct, -999 where nothing is."""
+    """FEWS: three rows above the data, the parameter alone is not unique, -999 for a missing value."""
     truth, lost = world(), ((10, 2), (11, 2), (100, 0))
     lines = [
         "Location Names,Upper Dam,Lower Dam,Lower Dam",
@@ -138,7 +138,7 @@ def fews():
 
 @case
 def zrxp():
-    """ZRXP: blocks of one series each, said in comments; no header; status beside the value; -777."""
+    """ZRXP: blocks of one series each, described in comments; no header; status next to the value; -777."""
     truth, lines = world(), []
     status, lost = {(20, 0): "255", (150, 2): "255"}, {(21, 0), (160, 1)}
     for j, (tag, unit) in enumerate([("UPPER.Q", "m3/s"), ("LOWER.Q", "m3/s"), ("LOWER.W", "m")]):
@@ -155,7 +155,7 @@ def zrxp():
 
 @case
 def french():
-    """A spreadsheet in France: latin-1, semicolons, decimal commas, a title, a row of units, day first."""
+    """A French spreadsheet: latin-1, semicolons, decimal commas, a title, a row of units, day first."""
     truth, other = world(), {(33, 1): "défaut"}
     texts = {s: [c.replace(".", ",") for c in cells] for s, cells in plain(truth).items()}
     lines = ["Télérelève;;;", "Export du 15/03/2008;;;", "Date;Débit amont;Débit turbiné;Cote retenue"]
@@ -165,7 +165,7 @@ def french():
 
 @case
 def german():
-    """Points between thousands, decimal commas, centimetres, date and clock in two columns, hour 24."""
+    """German: points between thousands, decimal commas, centimetres, date and clock in columns, hour 24."""
     texts, meant = rewritten(world(), (1e-3, 1e-3, 1e-2), ("{:,.1f}",) * 3)
     swap, lines = str.maketrans(",.", ".,"), ["Datum;Uhrzeit;Zufluss [l/s];Abfluss [l/s];Wasserstand [cm]"]
     for second, cells in texts.items():
@@ -178,7 +178,7 @@ def german():
 
 @case
 def american():
-    """Month first, AM and PM, quoted commas between thousands, cfs and feet."""
+    """American: month first, AM and PM, quoted commas between thousands, cfs and feet."""
     texts, meant = rewritten(world(), (CFS, CFS, FT), ('"{:,.0f}"', '"{:,.0f}"', "{:.2f}"))
     lines = [
         "Timestamp,Inflow (cfs),Outflow (cfs),Forebay Elevation (ft)",
@@ -189,14 +189,14 @@ def american():
 
 @case
 def undecidable():
-    """One day, 4 March or 3 April: nothing in the file decides it, nor its unit and zone."""
+    """One day, 4 March or 3 April: the file does not determine it, nor its unit and zone."""
     truth = world(dt.date(2008, 4, 3), 1)
     return {"day.csv": joined(["when;inflow;outflow;level", *lines_of(plain(truth), SLASHES, ";")])}, truth
 
 
 @case
 def utf16():
-    """UTF-16 with tabs; two exports pasted together, each with its header, the second overlaps the first."""
+    """UTF-16 with tabs; two exports joined, each with its header, the second overlaps the first."""
     truth, head = world(), "Time\tInflow m3/s\tOutflow m3/s\tLevel m"
     rows = lines_of(plain(truth), DASHES, "\t")
     return {"trend.txt": joined([head, *rows[:100], "", head, *rows[96:]], "\r\n", "utf-16")}, truth
@@ -204,7 +204,7 @@ def utf16():
 
 @case
 def historian():
-    """Long: a row per value, quality beside it, states as text, other tags, late and doubled rows."""
+    """Long: a row per value, with its quality, states as text, other tags, late and duplicate rows."""
     truth, rows = world(), []
     odd = {(50, 0): "999,Bad", (51, 2): "0,Bad", (70, 1): "I/O Timeout,Good", (71, 1): "No Data,Good"}
     for k, (second, cells) in enumerate(plain(truth).items()):
@@ -230,11 +230,11 @@ def exception():
                 rows.append((second + 30, tag, "Comm Fail"))
                 last.pop(tag)
             elif since is None or value != since[1] or second - since[0] >= 3600:
-                # reported some seconds before the quarter at which it is seen
+                # reported some seconds before the quarter hour at which it is valid
                 rows.append((second - 20 * (k > 0), tag, f"{value:.3f}"))
                 last[tag] = (second, value)
     moments = sorted(truth)
-    # the state comes 30 s after the quarter: 60 still sees the value before it, 61 sees the next report
+    # the state comes 30 s after the quarter: 60 still has the value before it, 61 has the next report
     truth[moments[60]][2] = truth[moments[59]][2]
     lines = ["time;tag;value", *(f"{clock(s, CET, ISO)};{t};{v}" for s, t, v in sorted(rows))]
     return {"changes.csv": joined(lines)}, truth
@@ -242,7 +242,7 @@ def exception():
 
 @case
 def tag_files():
-    """Long: a file per tag, named by the file's name alone."""
+    """Long: a file per tag; only the file name gives the tag."""
     truth = world()
     columns = ({s: [cells[j]] for s, cells in plain(truth).items()} for j in range(3))
     return {
@@ -253,7 +253,7 @@ def tag_files():
 
 @case
 def split():
-    """Wide: the flows in one file, the level in another, each with the times of its own."""
+    """Wide: the flows in one file, the level in another, each with its own times."""
     truth, files = world(), {}
     for name, head, part in (
         ("flows", "time,inflow,outflow", slice(2)),
@@ -265,26 +265,26 @@ def split():
 
 
 def local(name, first):
-    """Three days of local time in Paris."""
+    """Return three days of local time in Paris."""
     truth = world(first, 3, PARIS)
     return {name: joined(["time;inflow;outflow;level", *lines_of(plain(truth), SLASHES, ";", PARIS)])}, truth
 
 
 @case
 def october():
-    """Local time on the night when an hour comes twice: 25 hours, in order."""
+    """Local time on the night with a repeated hour: 25 hours, in order."""
     return local("octobre.csv", dt.date(2008, 10, 25))
 
 
 @case
 def march():
-    """Local time on the night when an hour is left out: 23 hours."""
+    """Local time on the night with a missing hour: 23 hours."""
     return local("mars.csv", dt.date(2008, 3, 29))
 
 
 @case
 def units_of_plant():
-    """The outflow is the sum of two units and the gates; each has its own flag, and one spoils the sum."""
+    """The outflow is the sum of two units and the gates; each has a flag, and a bad one spoils the sum."""
     truth = world()
     head = "time,inflow,inflow flag,unit 1,unit 1 flag,unit 2,unit 2 flag,gates,gates flag,level,level flag"
     parts = {s: [i, o // 2, o - o // 2 - 8, 8, h] for s, (i, o, h) in truth.items()}
@@ -301,7 +301,7 @@ def hourly_means():
     moments = sorted(truth)
     means = [truth[moments[k // 4 * 4]][0] for k in range(len(moments))]
     texts = {s: ["", *cells[1:]] for s, cells in plain(truth).items()} | {moments[-1] + STEP: [""] * 3}
-    for k, second in enumerate(moments):  # logged once an hour, it counts from the beginning of the hour
+    for k, second in enumerate(moments):  # logged once an hour, it is valid from the beginning of the hour
         truth[second][0] = None if k % 4 else means[k]
     ends = {(k, 0): str(means[k - 1]) for k in range(4, len(moments) + 1, 4)}
     return {
@@ -311,7 +311,7 @@ def hourly_means():
 
 @case
 def two_plants():
-    """A historian's extract: the plant above in three parts, the dam below; titles above, averages below."""
+    """An extract of a historian: the upper plant in three parts, the lower dam; titles above, means below."""
     texts, _ = rewritten(world(), (CFS, CFS, FT), ("{:.1f}", "{:,.1f}", "{:.2f}"))
     names = ["UPR.G1.FLOW (cfs)", "UPR.G2.FLOW (cfs)", "UPR.GATES (cfs)", "LWR.TOTAL.RELEASE (cfs)"]
     lines = ['"Report: TWO PLANTS"', '"Generated 03/15/2008 7:02 AM"', '"Point","x"']
@@ -358,7 +358,7 @@ def pi_xml():
 
 @case
 def waterml():
-    """WaterML 2: an observation per series, offsets in its times, a qualifier where a value is estimated."""
+    """WaterML 2: an observation per series, offsets in its times, a qualifier for estimated values."""
     truth, estimated, lost = world(), (44, 1), (45, 0)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -396,7 +396,7 @@ def waterml():
 
 @case
 def ogc_json():
-    """The USGS' OGC API: a feature per value, in any order, approved or provisional, with qualifiers."""
+    """OGC API of the USGS: a feature per value, in any order, approved or provisional, with qualifiers."""
     texts, meant = rewritten(world(), (CFS, CFS, FT), ("{:.0f}", "{:.0f}", "{:.2f}"))
     odd = {(12, 2): ("0.0", ["ICE"]), (13, 0): (None, None)}
     names = [("USGS-111", "00060", "ft^3/s"), ("USGS-222", "00060", "ft^3/s"), ("USGS-222", "00065", "ft")]
@@ -415,7 +415,7 @@ def ogc_json():
 
 
 def contents(name):
-    """The generated files of a case's folder."""
+    """Return the generated files of a case's folder."""
     files, expected = CASES[name]()
     rows = [
         ",".join([str(second), *("" if v is None else repr(v) for v in expected[second])])
