@@ -419,7 +419,7 @@ def settled(model: Model, record: Record, number: int) -> Model:
 
 
 class Fit(NamedTuple):
-    """A fit to some days and its log-likelihood [nats per day]."""
+    """A fit to some days and the mean log density of its days, with their common scales [nats]."""
 
     likely: float
     one: Explanation
@@ -439,8 +439,7 @@ def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
             one = fitted(model, record, every, fresh=fresh, rough=True)
         except RividError as error:
             return error
-        seen = np.where(record.used, one.residual, np.nan)
-        return Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), one)
+        return Fit(_density(one, record), one)
 
     first = fit(models[0])
     near[0] = None if isinstance(first, RividError) else first.one.noise
@@ -449,6 +448,16 @@ def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
     if not found:
         raise next(one for one in made if isinstance(one, RividError))
     return sorted(found, key=lambda one: -one.likely)
+
+
+def _density(one: Explanation, record: Record) -> float:
+    """Return the mean log density of a fit's own days: a missing effect can make some of them far noisier."""
+    seen = np.where(record.used, one.residual, np.nan)
+    r = one.noise.whiten(seen, activity=record.activity)
+    squares = (r * r).sum(axis=1)
+    plain = one.noise.log_likelihood(seen, record.activity) + 0.5 * squares
+    tails = tails_of(one, record)
+    return float(day_densities(squares, 0.0 * squares, plain, (r != 0.0).sum(axis=1), tails).mean())
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
