@@ -13,7 +13,7 @@ from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
-from rivid.diagnosis.localise import as_scores, drivers, strongest
+from rivid.diagnosis.localise import Scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.result import (
     Diagnosis,
@@ -29,7 +29,7 @@ from rivid.diagnosis.result import (
     closed_share,
 )
 from rivid.diagnosis.search import command_steps
-from rivid.diagnosis.spectrum import FEWEST, SHORTEST, rhythm, spectrum
+from rivid.diagnosis.spectrum import SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
 from rivid.text import shown_in
 from rivid.types import HOUR, Bools, Floats
@@ -393,7 +393,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # fewer give no significant location
-        place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
+        place = strongest(Scores(w, record.used, blocks), drivers(record, blocks), record.dates)
     likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
     found, rows = _unnamed(likeliest, record)
     # size, dates and period refer to the same days
@@ -406,11 +406,9 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if slow is not None:
         hours, to = slow.period / HOUR, slow.resolution / HOUR
         found.append(f"a rhythm with a period of {hours:.3g} h (to {to:.2g} h)")
-    many = used.sum(axis=1) >= FEWEST
-    days = many & (last.weights > 0.0) if (many & (last.weights > 0.0)).any() else np.ones_like(many)
-    period, ratio, limit, _ = spectrum(
-        innovations[days], record.used[days], record.sample_time, weights=last.weights[days]
-    )
+    # of all days if those within have no weight, or too few samples
+    lines = (spectrum(innovations, days, record.sample_time, last.weights) for days in (used, record.used))
+    period, ratio, limit = next((line for line in lines if line is not None), (0.0, 0.0, np.inf))
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
     short = slow is None or period < SHORTEST  # a longer period repeats `slow`
@@ -418,10 +416,8 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
-        at, _, size = place.text.partition(", on ")[0].rpartition(", ")
-        found.append(
-            f"{at or 'these days'} ({size.removeprefix('-')} {'more' if place.size > 0 else 'less'})"
-        )
+        sense = "more" if place.size > 0 else "less"
+        found.append(f"{place.where or 'these days'} ({abs(place.size):.3g} m3/s {sense})")
     if not found:
         return None
     rms = float(np.sqrt(np.mean(w[used] ** 2)))

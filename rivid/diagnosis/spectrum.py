@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.errors import RividError
-from rivid.types import DAY, Floats
+from rivid.types import DAY, Bools, Floats
 
 KNOTS = 24
 """Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
@@ -24,39 +23,20 @@ FEWEST = 30
 
 
 def spectrum(
-    innovations: ArrayLike,
-    used: ArrayLike,
-    sample_time: float,
-    *,
-    weights: ArrayLike | None = None,
-    level: float = 0.01,
-    draws: int = 199,
-    seed: int = 0,
-) -> tuple[float, float, float, Floats]:
-    """Find the largest line in the spectrum of innovations (days, n), and a limit for it.
+    innovations: Floats, used: Bools, sample_time: float, weights: Floats, *, level: float = 0.01,
+    draws: int = 199, seed: int = 0,
+) -> tuple[float, float, float] | None:  # fmt: skip
+    """Find the largest line in the spectrum of innovations (days, n): period [s], ratio, and its limit.
 
-    Days are averaged by their weights (days,). `level` is the probability that the limit is exceeded if no
-    line is there: 0.01 needs 99 draws of the bootstrap or more.
-
-    Returns
-    -------
-    period : float
-        Period of the largest line [s].
-    ratio : float
-        Its power over the local median.
-    limit : float
-        Ratio that white innovations exceed with probability `level`.
-    power : ndarray, shape (m,)
-        Average periodogram over that of white innovations, longest period first.
+    The ratio is its power over the local median; white innovations exceed the limit with the probability
+    `level`. Days are averaged by their weights (days,). Returns None if no day with a weight has
+    :data:`FEWEST` used samples.
     """
-    r, there = np.asarray(innovations, float), np.asarray(used, bool)
-    weight = np.ones(len(r)) if weights is None else np.asarray(weights, float)
-    if (rank := int(level * (draws + 1))) < 1:
-        raise RividError(f"{draws} draws give no limit at {level:g}: expected {int(1 / level)} or more")
-    rows = (there.sum(1) >= FEWEST) & (weight > 0.0)
+    rows = (used.sum(1) >= FEWEST) & (weights > 0.0)
     if not rows.any():
-        raise RividError(f"no day has {FEWEST} used samples and a weight: nothing to take a spectrum of")
-    r, there, weight = np.where(there, r, 0.0)[rows], there[rows], weight[rows] / weight[rows].sum()
+        return None
+    r, there = np.where(used, innovations, 0.0)[rows], used[rows]
+    weight = weights[rows] / weights[rows].sum()
     n = r.shape[1]
     white = np.random.default_rng(seed)
     quiet = np.stack([
@@ -67,11 +47,11 @@ def spectrum(
     kept = (frequency >= 0.999 / min(DAY, n * sample_time)) & (frequency <= 0.5 / sample_time)
     # The day's mean is removed and gaps smear: the bootstrap gives the expected power at each frequency.
     expected = quiet[:, kept].mean(0)
-    power = _power(r, there.astype(float), weight)[kept] / expected
-    ratio = power / _local_median(power[None])[0]
-    largest = np.sort((quiet[:, kept] / expected / _local_median(quiet[:, kept] / expected)).max(1))
+    powers = np.concatenate([_power(r, there.astype(float), weight)[None], quiet])[:, kept] / expected
+    ratio, *others = powers / _local_median(powers)
     peak = int(np.argmax(ratio))
-    return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-rank]), power
+    largest = np.sort(np.max(others, axis=1))
+    return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-int(level * (draws + 1))])
 
 
 BIN = 1800.0
@@ -166,11 +146,7 @@ def _local_median(power: NDArray[Any]) -> Floats:
     at = np.unique(np.geomspace(1, m, KNOTS).astype(int)) - 1
     low = np.clip(np.minimum(at // 2, at - NEAREST), 0, None)
     high = np.clip(np.maximum(2 * at, at + NEAREST), None, m - 1)
-    medians = np.stack(
-        [np.median(power[:, a : b + 1], axis=1) for a, b in zip(low, high, strict=True)], axis=1
-    )
-    position = np.log1p(np.arange(m))
-    knots = np.log1p(at)
-    right = np.clip(np.searchsorted(knots, position), 1, len(knots) - 1)
-    share = (position - knots[right - 1]) / (knots[right] - knots[right - 1])
-    return np.asarray(np.exp(np.log(medians[:, right - 1]) * (1 - share) + np.log(medians[:, right]) * share))
+    windows = zip(low, high, strict=True)
+    medians = np.stack([np.median(power[:, a : b + 1], axis=1) for a, b in windows], axis=1)
+    between = [np.interp(np.log1p(np.arange(m)), np.log1p(at), row) for row in np.log(medians)]
+    return np.exp(between)

@@ -164,8 +164,7 @@ def test_pulses_give_the_days_of_what_is_left_unless_they_fill_the_time():
 def test_a_place_with_several_windows_gives_their_span_once(monkeypatch):
     dates = EVIDENCE.record.dates
     windows = (dates[2], dates[4]), (dates[9], dates[14])
-    text = "discharge 283.2 to 365.3 m3/s, -6.11 m3/s, on days from 3 May to 5 May and from 10 May to 15 May"
-    place = Place("discharge", 283.2, 365.3, -6.11, 0.5, 0.004, windows, text)
+    place = Place("discharge 283.2 to 365.3 m3/s", -6.11, 0.004, windows)
     monkeypatch.setattr(answer, "strongest", lambda *given: place)
     found = left_of(rows=())
     assert found.where.dates == (dates[2], dates[14]) and found.where.regime == "at 2 times"
