@@ -55,8 +55,10 @@ def spectrum(
 
 
 BIN = 1800.0
-"""Length of the averages of a series in which a rhythm is sought [s]."""
-SHORTEST = 4.0 * BIN
+"""Length of the averages of a series in which a rhythm is sought [s], or one sample if this is longer."""
+BINS = 4.0
+"""Averages in the shortest period of a rhythm."""
+SHORTEST = BINS * BIN
 """Shortest period of a rhythm [s]."""
 CYCLES = 3.0
 """Fewest cycles of a period in a record."""
@@ -86,15 +88,17 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     from scipy.fft import rfft
 
     there = np.asarray(used, bool)
-    at, y = np.asarray(time, float)[there], np.asarray(series, float)[there]
+    clock = np.asarray(time, float)
+    at, y = clock[there], np.asarray(series, float)[there]
     if not len(at):
         return None
-    bins = ((at - at.min()) // BIN).astype(np.intp)
+    step = float(np.diff(clock[0]).max(initial=BIN))
+    bins = ((at - at.min()) // step).astype(np.intp)
     counts = np.bincount(bins)
     m = len(counts)
     means = np.bincount(bins, y) / np.maximum(counts, 1)
-    frequency = np.arange(m + 1) / (2.0 * m * BIN)
-    kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 1.0 / SHORTEST)
+    frequency = np.arange(m + 1) / (2.0 * m * step)
+    kept = (frequency >= CYCLES / (m * step)) & (frequency <= 1.0 / (BINS * step))
     if kept.sum() < 2 * NEAREST:
         return None
     # Remove the memory of weather, so that the spectrum is flat about a line.
@@ -113,13 +117,13 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
         return None
     found = frequency[best]
     for times in HARMONICS:
-        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * BIN)
+        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * step)
         if (ratio[near] > limit).any():
             best = int(np.argmax(np.where(near, ratio, 0.0)))
     low, top, high = np.log(powers[0][np.clip([best - 1, best, best + 1], 0, len(frequency) - 1)])
     between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # vertex of a parabola through the line
-    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * BIN)))
-    return Rhythm(period, period**2 / (2.0 * m * BIN), m * BIN / SHORTEST)
+    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * step)))
+    return Rhythm(period, period**2 / (2.0 * m * step), m / BINS)
 
 
 def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:

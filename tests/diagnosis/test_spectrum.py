@@ -101,6 +101,16 @@ def test_a_rhythm_is_found_well_within_its_resolution(hours, seeds):
     assert np.median(off) < 0.1 and max(off) < 0.5
 
 
+def test_a_rhythm_is_found_in_samples_of_an_hour():
+    """Averages shorter than a sample would be empty every other time, and nothing would have a spectrum."""
+    series, used = colored(0)
+    hourly = np.s_[:, ::4]
+    found = rhythm(
+        (series + 5.0 * np.cos(2.0 * np.pi * RECORD / 44_712.0))[hourly], used[hourly], RECORD[hourly]
+    )
+    assert found.period == pytest.approx(44_712.0, abs=0.5 * found.resolution)
+
+
 def test_a_rhythm_of_short_pulses_is_that_of_its_fundamental():
     series, used = colored(3)
     pulses = 40.0 * (np.mod(RECORD, 86_400.0) < 7200.0)
