@@ -54,8 +54,8 @@ def test_the_law_is_that_of_the_operators_of_the_logs(name, seed, habits):
 
 
 def test_a_set_point_that_follows_the_flow_is_found():
-    record = record_of(season("intermittent", 2, drawdown=0.2, **ALIKE)).take(split(60).fit)
-    law = identify(record)
+    record = record_of(season("intermittent", 2, drawdown=0.2, **ALIKE))
+    law = identify(record.take(split(record.dates).fit))
     aims = law.set_point.at(np.array([150.0, 300.0, 550.0]))
     assert aims == pytest.approx([130.0, 130.0, 130.0 - 0.2 * 1.5], abs=0.03)  # lower from 400 m3/s on
     assert law.level_gain == pytest.approx(270.0, rel=0.12)

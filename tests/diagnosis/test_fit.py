@@ -322,7 +322,7 @@ TRUTH = {
 
 def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noise():
     record = season(6, days=9)
-    dealt = split(record.days)
+    dealt = split(record.dates)
     start = few(record, length=8200 * 0.97, width=81.6 * 1.04, depth=0.8 * DEPTH, slope=1e-4, manning=0.036)
     model = Model(start, None, record.usual_output, record.usual_flow, 0.0)
     found = scored(fitted(model, record, np.ones(9, bool), fresh=8), record, dealt.block, 100.0)

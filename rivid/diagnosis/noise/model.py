@@ -28,13 +28,10 @@ if TYPE_CHECKING:
 
 
 class Smoothed(NamedTuple):
-    """Estimates of the hidden states from whole days; arrays of shape (days, n)."""
+    """The unknown inflow w given whole days, for a river reach s; arrays of shape (days, n)."""
 
-    inflow: Floats  # unknown inflow w and its standard deviation [m3/s]; s for a river reach
-    inflow_sd: Floats
-    # Level error x [m], without gauge noise and wind; NaN on a day without samples. For a river, s [m3/s].
-    level: Floats
-    wind: Floats  # noise of the level s [m]; for a river reach [m3/s]
+    inflow: Floats  # [m3/s]
+    inflow_sd: Floats  # its standard deviation [m3/s]
 
 
 @dataclass(frozen=True)
@@ -168,18 +165,15 @@ class NoiseModel:
         return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
-        """Estimate the hidden states from whole days of a residual (days, n) [m]; NaN is missing."""
+        """Estimate the unknown inflow from whole days of a residual (days, n) [m]; NaN is missing."""
         from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
 
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
         states, v = filtered(values, K, m)
-        mean, variance = smoothed(states, v, there, K, S, P, m)
-        x, w, s = np.moveaxis(mean, -1, 0)
-        if self.surface_area is None:
-            return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
-        return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
+        inflow, variance = smoothed(states, v, there, K, S, P, m)
+        return Smoothed(inflow, np.sqrt(variance))
 
     def ahead(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
         """Return the expected residual and the standard deviation of a reading about it, shape (days, n) [m].
@@ -379,60 +373,42 @@ STEP = 1e-5
 """Step of the finite differences, in logarithms: slopes are those half a step ahead."""
 
 
-def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
+def day_weights(whitened: ArrayLike) -> Floats:
     """Return weights of days (days,): 1 for most, less for a day far noisier than the median.
 
-    min(1, limit x median / mean square) of whitened residuals (days, n), where exact zeros are unused
-    samples; 0 for a day without samples.
+    min(1, :data:`DAY_LIMIT` x median / mean square) of whitened residuals (days, n), where exact zeros are
+    unused samples; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)
     count = (r != 0.0).sum(1)
     square = (r * r).sum(1) / np.maximum(count, 1)
     if not (count > 0).any():
         return np.zeros(len(r))
-    allowed = limit * np.median(square[count > 0])
+    allowed = DAY_LIMIT * np.median(square[count > 0])
     return np.where(count > 0, np.minimum(1.0, allowed / np.maximum(square, allowed * 1e-12)), 0.0)
 
 
 def fit_noise(
-    residual: ArrayLike,
+    residual: ArrayLike,  # (days, n) [m], for a river reach [m3/s]; NaN is missing
     sample_time: float,
-    surface_area: float | None,
+    surface_area: float | None,  # None for a river reach
     *,
-    weights: ArrayLike | None = None,
-    level: bool = False,
-    gauge_floor: float = 0.0,
-    activity: ArrayLike | None = None,
+    weights: ArrayLike | None = None,  # (days,): of the days' log-likelihoods
+    level: bool = False,  # whether a pool has the level-type noise s; a river reach always has it
+    gauge_floor: float = 0.0,  # lower limit of gauge_sd [m]: the reading's step / sqrt(12)
+    activity: ArrayLike | None = None,  # (days, n) [m2]; with it the noise has a misfit
+    # narrower limits of fields; with limits of `level_sd` a pool has a small s as well
     within: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     starts: tuple[NoiseModel, ...] = (),
     alone: bool = False,
 ) -> NoiseModel:
-    """Fit the noise model of greatest likelihood, from several starts.
+    """Fit the noise model of greatest likelihood to a residual (days, n), from several starts.
 
     With the unknown inflow alone, or from one start, the fit can end at an optimum with white w, which hides
-    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete.
-
-    Parameters
-    ----------
-    residual : array_like, shape (days, n)
-        [m], for a river reach [m3/s]; NaN is missing.
-    sample_time, surface_area : float
-        T_s [s] and A [m2]; A is None for a river reach.
-    weights : array_like, shape (days,), optional
-        Weights of the days' log-likelihoods. Default: fit, weigh days by :func:`day_weights`, fit again.
-    level : bool
-        Whether a pool has the level-type noise s (a river reach always has it).
-    gauge_floor : float
-        Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
-    activity : array_like, shape (days, n), optional
-        Activity of the flows [m2]; with it the noise has a misfit.
-    within : mapping of str to (float, float)
-        Narrower limits of fields. With limits of `level_sd` a pool has a small s as well.
-    starts : tuple of NoiseModel
-        Further starts.
-    alone : bool
-        Use `starts` only, and end after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats
-        in 100,000 samples instead of 1e-3: faster if the starts are near.
+    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete. By
+    default, days are weighed by :func:`day_weights` of a first fit. With `alone`, the fit begins at `starts`
+    only, and ends after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats in 100,000
+    samples instead of 1e-3: faster if the starts are near.
     """
     from rivid.diagnosis.noise.kalman import gather
 
@@ -443,17 +419,20 @@ def fit_noise(
     limits = limits_of(
         values, there, sample_time, surface_area, level, gauge_floor, activity is not None, within
     )
-    moved = _moved(activity, there.shape)
-    usual = () if alone and starts else usual_starts(limits, level)
-    near = bool(alone and starts)
+    moved, near = _moved(activity, there.shape), bool(alone and starts)
+
+    def climb(days: Floats, begun: tuple[NoiseModel, ...]) -> NoiseModel:
+        return _climb(values, there, moved, days, begun, limits, near)
+
+    every = starts if near else usual_starts(limits, level) + starts
     if weights is not None:
         given = np.asarray(weights, float)
         if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
             raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(values, there, moved, given, usual + starts, limits, near)
-    model = _climb(values, there, moved, np.ones(len(values)), usual + starts, limits, near)
+        return climb(given, every)
+    model = climb(np.ones(len(values)), every)
     w = day_weights(model.whiten(residual, activity=activity))
-    return model if (w == 1.0).all() else _climb(values, there, moved, w, (model,), limits, near)
+    return model if (w == 1.0).all() else climb(w, (model,))
 
 
 NEAR_STEPS = 8
