@@ -26,12 +26,8 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
     """Compute r'r (days,), X'r (days, p) and X'X (days, p, p) of each day, for :func:`held_out`.
 
-    Parameters
-    ----------
-    r : ndarray, shape (days, n)
-        Whitened residual of the full fit, 0 where a sample is missing.
-    X : ndarray, shape (p, days, n)
-        Whitened columns: decrease of the residual per unit of each parameter.
+    r (days, n) is the whitened residual of the full fit, 0 where a sample is missing; X (p, days, n) are the
+    whitened columns, the decrease of the residual per unit of each parameter.
     """
     by_day = X.transpose(1, 0, 2)
     squares = np.einsum("dn,dn->d", r, r)
@@ -39,30 +35,16 @@ def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def held_out(
-    r_day: Floats,
+    r_day: Floats,  # this and the next two: results of :func:`information`
     g_day: Floats,
     G_day: Floats,
-    precision: ArrayLike,
-    blocks: ArrayLike,
-    weights: ArrayLike,
-    off: ArrayLike = 0.0,
-    within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),
+    precision: ArrayLike,  # (p,): prior precision of the parameters
+    blocks: ArrayLike,  # (days,)
+    weights: ArrayLike,  # (days,): of the days in the fit; a day of weight 0 is predicted by all others
+    off: ArrayLike = 0.0,  # (p,): end of the fit relative to the prior mean
+    within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),  # (p,): limits of the change of each parameter
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Predict each day by the fit without its block: squared innovations and log-determinant.
-
-    Parameters
-    ----------
-    r_day, g_day, G_day : ndarray
-        Results of :func:`information`.
-    precision : array_like, shape (p,)
-        Prior precision of the parameters.
-    blocks : array_like of int, shape (days,)
-    weights : array_like, shape (days,)
-        Weights of the days in the fit; a day of weight 0 is predicted by all others.
-    off : array_like, shape (p,)
-        End of the fit relative to the prior mean.
-    within : (array_like, array_like), shape (p,)
-        Smallest and largest change of each parameter.
+    """Predict each day by the fit without its block.
 
     Returns
     -------

@@ -135,7 +135,7 @@ def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
 
 def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12), evidence=EVIDENCE):
     """What is left where the likeliest explanation has events without a name, which begin in these rows."""
-    events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, 50.0, False) for day in rows)
+    events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, False) for day in rows)
     one = SimpleNamespace(kind=SimpleNamespace(name="", shape=shape), events=events)
     days = evidence.record.days
     noise = dataclasses.replace(NOISE, sample_time=evidence.record.sample_time)

@@ -13,7 +13,7 @@ from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fits, fit
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import step_within
-from rivid.diagnosis.response.base import FreeParameter, placed, vector_of
+from rivid.diagnosis.response.base import FreeParameter, Response, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.workflow import CHAINS
 from rivid.effects import CATALOGUE
@@ -37,8 +37,7 @@ class Curve:
     surface_area: None = None
     name: str = field(default="curve", init=False)
 
-    def with_parameters(self, vector):
-        return replace(self, parameters=placed(self.parameters, vector))
+    with_parameters = Response.with_parameters
 
     def baseline(self, record, changes=NO_CHANGES):
         a, b = (p.value for p in self.parameters)

@@ -110,23 +110,19 @@ class Response(ABC):
 
     def with_parameters(self, vector: ArrayLike) -> Self:
         """Return the model at other values (p,) on the parameters' scale, clipped to the limits."""
-        return replace(self, parameters=placed(self.parameters, vector))
+        values = np.asarray(vector, float)
+        if values.shape != (len(self.parameters),) or not np.isfinite(values).all():
+            raise RividError(
+                f"parameters {values.tolist()}: expected {len(self.parameters)} finite numbers, "
+                f"for {', '.join(p.name for p in self.parameters)}"
+            )
+        moved = tuple(p.at(v) for p, v in zip(self.parameters, values, strict=True))
+        return replace(self, parameters=moved)
 
 
 def vector_of(response: Response) -> Floats:
     """Return the values of the free parameters on their scale, shape (p,)."""
     return np.array([parameter.value for parameter in response.parameters])
-
-
-def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[FreeParameter, ...]:
-    """Return the parameters at other values, shape (p,)."""
-    values = np.asarray(vector, float)
-    if values.shape != (len(parameters),) or not np.isfinite(values).all():
-        raise RividError(
-            f"parameters {values.tolist()}: expected {len(parameters)} finite numbers, "
-            f"for {', '.join(p.name for p in parameters)}"
-        )
-    return tuple(p.at(v) for p, v in zip(parameters, values, strict=True))
 
 
 def slopes_by_differences(
@@ -210,7 +206,6 @@ class RealFlows:
     added: tuple[AddedFlow, ...]  # further flows; losses to leaks and ponds are negative
     storage: Floats  # (days, n): water surface over the usual one [-]
     gauge: Floats  # (days, n): reading of the gauge minus the water level
-    well: Floats  # time constant of its stilling well, added to the usual one [s]
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
@@ -231,7 +226,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
                     f"{what} in a river reach, which has no level: expected effects on its inflow, added "
                     "flows, or its gauge"
                 )
-        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge, changes.well)
+        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge)
     if (changes.rating != 0.0).any():
         raise RividError(
             "a rating in a pool, where the gauge reads a level: expected effects on its level or flows"
@@ -249,7 +244,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
         outflow, ponds = _gate_and_ponds(record, changes, level)
     taken = [AddedFlow(leak.place, leak.loss * (leak.reference - level)) for leak in changes.leaks]
     taken += [AddedFlow(pond.place, -into) for pond, into in zip(changes.ponds, ponds, strict=True)]
-    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge, changes.well)
+    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
 
 
 def lagged(values: Floats, lag: int) -> Floats:
@@ -306,10 +301,6 @@ def _gate_and_ponds(record: Record, changes: Changes, level: Floats) -> tuple[Fl
     return outflow, into
 
 
-TRIAL = 1.0
-"""Step of the added flow [m3/s]."""
-
-
 def step_response(response: Response, record: Record, place: float) -> Floats:
     """Return the change of the output (n,) after 1 m3/s more enters, at the usual flow [m per m3/s, or -].
 
@@ -323,10 +314,9 @@ def step_response(response: Response, record: Record, place: float) -> Floats:
         outflow=steady if record.kind == "pool" else np.zeros((1, n + 1)),
         output=np.full((1, n + 1), level), used=np.ones((1, n + 1), bool),
     )  # fmt: skip
-    later = np.concatenate([[0.0], np.full(n, TRIAL)])[None]  # the initial state is steady without it
+    later = np.concatenate([[0.0], np.ones(n)])[None]  # the initial state is steady without it
     more = Changes(added=(AddedFlow(place, later),))
-    answer = response.simulate(still, more) - response.simulate(still, Changes())
-    return np.asarray(answer[0, 1:] / TRIAL)
+    return np.asarray(response.simulate(still, more) - response.simulate(still))[0, 1:]
 
 
 def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
