@@ -26,7 +26,6 @@ from rivid.diagnosis.result import (
     Unknown,
     Verdict,
     Where,
-    closed_share,
 )
 from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.spectrum import SHORTEST, rhythm, spectrum
@@ -81,7 +80,7 @@ def conclude(
     study: Study, classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
     """Return a study's diagnosis and its arrays; `floor` is the RMSE of the true model at each horizon."""
-    gap = replace(_gap(study, floor), by_regime=regimes(study))
+    gap = _gap(study, floor)
     evidence = _evidence(study)
     remainder = _unknown(study, evidence)
     verdict, reason = _verdict(study, gap, remainder)
@@ -360,20 +359,20 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
         heldout_dates=tuple(d for d, kept in zip(record.dates, sealed, strict=True) if kept),
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s", rmse_baseline=base,
         rmse_augmented=forecast, rmse_floor=None if floor is None else tuple(floor), closed=closed,
-        closed_forecast=closed_forecast, steps=steps, rmse_described=end if study.last.events else None,
+        closed_forecast=closed_forecast, steps=steps, by_regime=regimes(study),
+        rmse_described=end if study.last.events else None,
         rmse_open_baseline=rmse(study.first, opened, True),
         rmse_open_augmented=rmse(study.last, opened, False),
     )  # fmt: skip
 
 
 def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float]) -> float | None:
-    shares = [
-        closed_share(b, e, f)
-        for b, e, f in zip(base, end, floor, strict=True)
-        if b * b - f * f > 0.05 * b * b
-    ]
-    kept = [s for s in shares if s is not None and np.isfinite(s)]
-    return float(np.median(kept)) if kept else None
+    """Return the median over the horizons of the share of the squared error above the floor that is gone."""
+    b, e, f = (np.square(errors) for errors in (base, end, floor))
+    above = b - f > 0.05 * b
+    shares = (b - e)[above] / (b - f)[above]
+    shares = shares[np.isfinite(shares)]
+    return float(np.median(shares)) if len(shares) else None
 
 
 def _of_noise(study: Study) -> Unknown | None:

@@ -6,7 +6,7 @@ act on the simulated level: the level is held, and the missing water appears in 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.operators import Law, day_flow, identify, validate
 from rivid.diagnosis.response.base import Response, cut, gauge_of, lagged, start_level, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
-from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
@@ -55,12 +54,8 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[F
     for _ in range(TURNS):
         offset = gauge_of(day, changes) + _fronts(reach, plain, day, changes, outflow)
         before = level
-        if isinstance(plain, HydraulicResponse):
-            level, commands = _channel(plain, law, day, changes, offset[0], first)
-        elif isinstance(plain, LinearPool):
-            level, commands = _pool(plain, law, day, changes, offset[0], first)
-        else:
-            raise RividError(f"closed loop of {reach.name}: expected a pool, saint-venant or linear")
+        run = _channel if isinstance(plain, HydraulicResponse) else _pool
+        level, commands = run(plain, law, day, changes, offset[0], first)
         outflow[0, first:] = commands
         if plain is reach or np.abs(level - before).max() < CONVERGED:
             break
@@ -91,8 +86,9 @@ def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) 
 
 
 def _channel(
-    reach: HydraulicResponse, law: Law, day: Record, changes: Changes, offset: Floats, first: int
+    reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
+    """Run the channel of a Saint-Venant response."""
     from rivid.reach.saint_venant import simulate
 
     channel = reach.channel.with_area_slope(changes.area_slope, changes.area_reference)
@@ -113,8 +109,9 @@ def _channel(
 
 
 def _pool(
-    reach: LinearPool, law: Law, day: Record, changes: Changes, offset: Floats, first: int
+    reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
+    """Run the integrator with delay of a linear response."""
     from rivid.reach.integrator import hold
 
     area, _, gain = (p.natural for p in reach.parameters[:3])
@@ -139,12 +136,6 @@ def _pool(
 
 def without_fronts(reach: Response) -> Response:
     """Return the reach without its sums of lagged flows, which the time loop does not include."""
-    if isinstance(reach, LinearPool):
-        if reach.fronts == "none":
-            return reach
-        return replace(
-            reach, parameters=(*reach.parameters[:4], reach.parameters[-1]), fronts="none", lags=()
-        )
     values = vector_of(reach)
     lagged = [i for i, p in enumerate(reach.parameters) if p.name.startswith(("outflow_lag", "inflow_lag"))]
     if not values[lagged].any():

@@ -134,7 +134,7 @@ class Model:
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
             gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
-            starts=() if self.noise is None else (self.noise,), alone=alone and self.noise is not None,
+            starts=() if self.noise is None else (self.noise,), alone=alone,
         )  # fmt: skip
 
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
@@ -235,24 +235,15 @@ class Model:
 
         `shared` may give those of the response.
         """
-        steps, candidates = self._steps(record)
+        values, candidates = self.values(), []
+        steps = np.empty(len(values))
+        for j, scale in enumerate(self.scales()):
+            for share in (0.05, -0.05):  # a step down from the upper limit
+                moved = self.with_values(values + share * scale * (np.arange(len(values)) == j))
+                steps[j] = moved.values()[j] - values[j]
+                if abs(steps[j]) >= 1e-3 * scale:
+                    break
+            candidates.append(moved.changes(record))
         columns = sensitivities(self.reach, record, candidates, self.changes(record), shared, base)
         columns[len(columns) - len(steps) :] /= steps[:, None, None]
         return columns
-
-    def _steps(self, record: Record) -> tuple[Floats, list[Changes]]:
-        """Return small steps of the effects' free values (q,), and all changes with each step."""
-        values, scales = self.values(), self.scales()
-        steps, candidates = np.empty(len(values)), []
-        for j in range(len(values)):
-            other = values.copy()
-            other[j] += 0.05 * scales[j]
-            moved = self.with_values(other)
-            step = moved.values()[j] - values[j]
-            if abs(step) < 1e-3 * scales[j]:  # at its upper limit: a step down
-                other[j] = values[j] - 0.05 * scales[j]
-                moved = self.with_values(other)
-                step = moved.values()[j] - values[j]
-            steps[j] = step
-            candidates.append(moved.changes(record))
-        return steps, candidates

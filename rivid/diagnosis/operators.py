@@ -299,7 +299,7 @@ def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseM
     try:
         return fit_noise(
             residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,),
-            alone=start is not None,
+            alone=True,
         )  # fmt: skip
     except RividError:  # the law is exact
         floor = max(quantum, 1e-6)

@@ -239,15 +239,3 @@ def _plain(value: Any) -> Any:
     if not math.isfinite(number):
         return None
     return int(value) if isinstance(value, int) else number
-
-
-def closed_share(base: float, augmented: float, floor: float) -> float | None:
-    """Return the share of the squared error above the floor that is gone, or None if none was above it.
-
-    Examples
-    --------
-    >>> closed_share(5.0, 3.0, 3.0), closed_share(3.0, 3.0, 3.0)
-    (1.0, None)
-    """
-    excess = base * base - floor * floor
-    return (base * base - augmented * augmented) / excess if excess > 0 else None

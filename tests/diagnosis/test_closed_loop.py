@@ -330,10 +330,6 @@ def test_without_operators_or_a_reach_that_can_be_run_there_is_no_loop(monkeypat
     found = closed_loop(study_of(dataclasses.replace(logged, outflow=still), None))
     assert found.operators is None and "hardly moves" in found.reason
     assert closed_loop(study_of(dataclasses.replace(logged, kind="river"), None)) is None
-
-    other = SimpleNamespace(name="tank", parameters=(), with_parameters=lambda vector: other)
-    with pytest.raises(RividError, match="closed loop of tank: expected a pool"):
-        run_day(other, LAW, logged.take([3]), NO_CHANGES)
     assert gauge_of(logged, NO_CHANGES).shape == logged.time.shape
 
     def dry(*_):
