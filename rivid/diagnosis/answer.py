@@ -181,13 +181,8 @@ USUAL: dict[str, str] = {
 def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str | None:
     """Return the measurement that separates an effect from those tied with it, or None if none is tied."""
     others = tuple(tied)
-    if not others:
-        return None
-    for other in others:
-        text = effect.confounded_with.get(other.name) or other.confounded_with.get(effect.name)
-        if text:
-            return text
-    return USUAL[effect.family]
+    known = (effect.confounded_with.get(e.name) or e.confounded_with.get(effect.name) for e in others)
+    return next(filter(None, known), USUAL[effect.family]) if others else None
 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
@@ -322,17 +317,13 @@ def _quantile(study: Study) -> float:
 
 
 def _estimates(study: Study) -> tuple[Estimate, ...]:
-    found = []
-    quantile = _quantile(study)
-    parameters = study.last.model.reach.parameters
-    errors = study.last.standard_errors
-    assert errors is not None
-    for free, error in zip(parameters, errors.tolist(), strict=False):
-        low, high = free.value - quantile * error, free.value + quantile * error
-        found.append(
-            Estimate(free.name, free.natural, free.unit, free.to_natural(low), free.to_natural(high))
-        )
-    return tuple(found)
+    """Return the parameters of the response with 95 % intervals."""
+    assert study.last.standard_errors is not None
+    spreads = (_quantile(study) * study.last.standard_errors).tolist()
+    return tuple(
+        Estimate(p.name, p.natural, p.unit, p.to_natural(p.value - spread), p.to_natural(p.value + spread))
+        for p, spread in zip(study.last.model.reach.parameters, spreads, strict=False)
+    )
 
 
 def _gap(study: Study, floor: Sequence[float] | None) -> Gap:

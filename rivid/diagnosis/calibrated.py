@@ -29,8 +29,6 @@ from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError, RividError
 from rivid.types import Floats
 
-RESPONSES: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
-
 
 @dataclass(frozen=True, eq=False)
 class ReachModel:
@@ -123,7 +121,8 @@ def load_model(path: Path | str) -> ReachModel:
 
 
 def _response(table: Mapping[str, Any]) -> Response:
-    classes = {one.__name__: one for one in RESPONSES}
+    responses: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
+    classes = {one.__name__: one for one in responses}
     if table["response"] not in classes:
         raise ConfigError(f"response = {table['response']!r}: expected one of {', '.join(classes)}")
     parameters = tuple(

@@ -163,8 +163,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     Returns None if it is too wide or too steady. An oscillation of the outflow looks the same if the gauge is
     at the dam, but that of a governor is either regular, or ends while the gates are held.
     """
-    noise = base.model.noise
-    assert noise is not None
+    noise = base.noise
     day = slice(record.lead, None)
     seen = np.where(record.used, base.residual, np.nan)
     innovations = noise.whiten(seen, activity=record.activity)[:, day]

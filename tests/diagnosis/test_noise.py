@@ -318,10 +318,7 @@ def test_impossible_noises_and_columns_that_do_not_fit_are_refused():
     hole[1, 2, 5] = np.nan
     with pytest.raises(RividError, match="not finite"):
         POOL.whiten(hole, like=z)
-    with pytest.raises(RividError, match="horizon"):
-        POOL.forecast_errors(z, N)
     with pytest.raises(RividError, match="no day that moves"):
         fit_noise(z, 133.0, 6.7e5)
-    for weights in (np.zeros(3), np.ones(2), -np.ones(3)):
-        with pytest.raises(RividError, match="one a day"):
-            fit_noise(z + np.arange(N), 133.0, 6.7e5, weights=weights)
+    with pytest.raises(RividError, match="likelihood of a day is not finite"):
+        POOL.log_likelihood(np.where(np.arange(N) == 7, np.inf, z))

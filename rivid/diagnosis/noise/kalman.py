@@ -45,8 +45,6 @@ class System(NamedTuple):
 def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
     """Return a residual (days, n) with zeros for missing samples (NaN), and which samples are present."""
     z = np.asarray(residual, float)
-    if z.ndim != 2 or z.size == 0:
-        raise RividError(f"residual has shape {z.shape}: expected (days, n)")
     there = ~np.isnan(z)
     values = np.where(there, z, 0.0)
     if not np.isfinite(values).all():

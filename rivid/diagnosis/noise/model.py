@@ -90,8 +90,6 @@ class NoiseModel:
         from rivid.diagnosis.noise.kalman import gather, innovations
 
         given = np.asarray(columns, float)
-        if given.ndim < 2:
-            raise RividError(f"columns have shape {given.shape}: expected (..., days, n)")
         stack = np.ascontiguousarray(given.reshape(-1, *given.shape[-2:]))
         _, there = gather(stack.sum(0) if like is None else like)
         if stack.shape[1:] != there.shape:
@@ -111,19 +109,15 @@ class NoiseModel:
 
         For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
         """
-        from rivid.diagnosis.noise.kalman import gather, log_likelihoods
+        from rivid.diagnosis.noise.kalman import log_likelihoods
 
         z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
-        if z.ndim == 2 and z.size:
-            moved = _moved(activity, z.shape)
-            found = np.asarray(
-                log_likelihoods(np.ascontiguousarray(z.T), moved, np.array([numbers]), diffuse)[0]
-            )
-            if np.isfinite(found).all():
-                return found
-        gather(z)  # raises if infinite or of another shape
-        raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
+        moved = _moved(activity, z.shape)
+        found = log_likelihoods(np.ascontiguousarray(z.T), moved, np.array([numbers]), diffuse)[0]
+        if not np.isfinite(found).all():
+            raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
+        return np.asarray(found)
 
     def forecast_errors(
         self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30,
@@ -141,13 +135,7 @@ class NoiseModel:
         from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
         values, there = gather(residual)
-        n = values.shape[1]
-        if horizon < 1 or every < 1 or first < 0 or first + horizon >= n:
-            raise RividError(
-                f"forecast of {horizon} samples from sample {first} on: a row has {n}; "
-                "use a shorter horizon or longer rows"
-            )
-        m = self.system()
+        n, m = values.shape[1], self.system()
         K, _, _ = gains(np.ascontiguousarray(there.T), _moved(activity, there.shape), m, False)
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
@@ -426,10 +414,7 @@ def fit_noise(
 
     every = starts if near else usual_starts(limits, level) + starts
     if weights is not None:
-        given = np.asarray(weights, float)
-        if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
-            raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return climb(given, every)
+        return climb(np.asarray(weights, float), every)
     model = climb(np.ones(len(values)), every)
     w = day_weights(model.whiten(residual, activity=activity))
     return model if (w == 1.0).all() else climb(w, (model,))
