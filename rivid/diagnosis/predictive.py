@@ -46,15 +46,10 @@ def held_out(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Predict each day by the fit without its block.
 
-    Returns
-    -------
-    squares, log_det : ndarray, shape (days,)
-        e' C^-1 e and log |C| of the innovations e of each day, C their covariance.
-    change : ndarray, shape (days, p)
-        Change of the parameters from the full fit to the fit without the block of each day.
-    errors : ndarray, shape (p,)
-        Standard errors of the parameters: those of the posterior, or of the jackknife over blocks with weight
-        if these are larger, as when a response fits blocks in different ways.
+    Returns e' C^-1 e and log |C| of the innovations e of each day (days,), C their covariance; the change of
+    the parameters from the full fit to the fit without the block of each day (days, p); and the standard
+    errors of the parameters (p,): those of the posterior, or of the jackknife over blocks with weight if
+    these are larger, as when a response fits blocks in different ways.
     """
     label, w = np.asarray(blocks), np.asarray(weights, float)
     scale = np.sqrt(np.asarray(precision, float))  # unit: prior standard deviation

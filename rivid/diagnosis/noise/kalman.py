@@ -56,14 +56,9 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
     """Compute the gains of each day; `there` (n, days) marks samples present, `activity` (n, days) [m2].
 
-    Returns
-    -------
-    K : ndarray, shape (3, n, days)
-        Gains of x, w and s.
-    S : ndarray, shape (n, days)
-        Innovation variances; 0 where a sample is missing or only sets the start.
-    P : ndarray, shape (6, n, days), or (6, 0, days) unless `keep`
-        Filtered covariances: xx, xw, xs, ww, ws, ss.
+    Returns the gains K of x, w and s (3, n, days); the innovation variances S (n, days), 0 where a sample is
+    missing or only sets the start; and, with `keep`, the filtered covariances P xx, xw, xs, ww, ws and ss
+    (6, n, days), else (6, 0, days).
     """
     n, days = there.shape
     c, phi, psi, gauge = m.c, m.phi, m.psi, m.gauge

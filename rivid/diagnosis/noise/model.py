@@ -36,13 +36,7 @@ class Smoothed(NamedTuple):
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """The noise of one reach: a linear filter, the same for all days with the same gaps.
-
-    Raises
-    ------
-    RividError
-        If a value is out of range.
-    """
+    """The noise of one reach: a linear filter, the same for all days with the same gaps."""
 
     gauge_sd: float  # white gauge noise e [m]; for a river reach [m3/s]
     walk_sd: float  # standard deviation of the steps v of the random walk [m per sample]

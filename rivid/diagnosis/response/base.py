@@ -5,6 +5,7 @@ volume error of one hour would persist. :meth:`Response.baseline` is therefore l
 output, while :meth:`Response.simulate` runs free.
 """
 
+import datetime as dt
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from rivid.diagnosis.data import Record
+from rivid.diagnosis.data import Kind, Record
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes
 from rivid.reach.gate import (
@@ -238,10 +239,13 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
             f"area_slope = {changes.area_slope:g} per m leaves no water surface at the observed levels: "
             "expected a smaller one"
         )
-    if changes.gate_is_plain and not changes.ponds:
-        outflow, ponds = record.outflow, np.zeros((0, *shape))
-    else:
-        outflow, ponds = _gate_and_ponds(record, changes, level)
+    outflow, ponds = record.outflow, np.empty((len(changes.ponds), *shape))
+    if changes.ponds or not changes.gate_is_plain:
+        outflow, exchange = np.empty(shape), exchange_arrays(changes, shape)
+        follow(
+            np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time), record.outflow,
+            level, gate_arrays(changes, shape), exchange.exchange, exchange.area, outflow, ponds,
+        )  # fmt: skip
     taken = [AddedFlow(leak.place, leak.loss * (leak.reference - level)) for leak in changes.leaks]
     taken += [AddedFlow(pond.place, -into) for pond, into in zip(changes.ponds, ponds, strict=True)]
     return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
@@ -290,42 +294,34 @@ def mean_before(time: Floats, passed: Floats) -> Floats:
     return np.concatenate([means[:, :1], means], axis=1)
 
 
-def _gate_and_ponds(record: Record, changes: Changes, level: Floats) -> tuple[Floats, Floats]:
-    shape = record.time.shape
-    outflow, into = np.empty(shape), np.empty((len(changes.ponds), *shape))
-    exchange = exchange_arrays(changes, shape)
-    follow(
-        np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time), record.outflow, level,
-        gate_arrays(changes, shape), exchange.exchange, exchange.area, outflow, into,
-    )  # fmt: skip
-    return outflow, into
-
-
-def step_response(response: Response, record: Record, place: float) -> Floats:
-    """Return the change of the output (n,) after 1 m3/s more enters, at the usual flow [m per m3/s, or -].
-
-    `place` is 0 at the upstream dam, 1 at the downstream one.
-    """
-    n = record.time.shape[1]
-    level, flow = record.usual_output, record.usual_flow
-    steady = np.full((1, n + 1), flow)
-    still = replace(
-        record, dates=record.dates[:1], time=record.sample_time * np.arange(n + 1.0)[None], inflow=steady,
-        outflow=steady if record.kind == "pool" else np.zeros((1, n + 1)),
-        output=np.full((1, n + 1), level), used=np.ones((1, n + 1), bool),
-    )  # fmt: skip
-    later = np.concatenate([[0.0], np.ones(n)])[None]  # the initial state is steady without it
-    more = Changes(added=(AddedFlow(place, later),))
-    return np.asarray(response.simulate(still, more) - response.simulate(still))[0, 1:]
-
-
 def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
-    """Return step responses to inflows at the upper dam and in the middle, and a release at the lower dam."""
-    return {
-        "up": step_response(response, record, 0.0),
-        "middle": step_response(response, record, 0.5),
-        "down": -step_response(response, record, 1.0),
-    }
+    """Return the step responses of a reach at the usual state of a record, over the samples of its rows."""
+    n = record.time.shape[1]
+    return step_responses(response, n, record.sample_time, record.usual_output, record.usual_flow)
+
+
+def step_responses(
+    response: Response, n: int, sample_time: float, level: float, flow: float
+) -> dict[str, Floats]:
+    """Return changes of the output (n,) after 1 m3/s more of flow [m per m3/s, or -].
+
+    The flow enters at the upper dam or in the middle, or leaves at the lower dam.
+    """
+    kind: Kind = "river" if response.surface_area is None else "pool"
+    steady, shape = np.full((1, n + 1), flow), (1, n + 1)
+    still = Record(
+        dates=(dt.date(2000, 1, 1),), time=sample_time * np.arange(n + 1.0)[None], inflow=steady,
+        outflow=steady if kind == "pool" else np.zeros(shape), output=np.full(shape, level),
+        used=np.ones(shape, bool), lead=0, sample_time=sample_time, kind=kind,
+    )  # fmt: skip
+    before = response.simulate(still)
+    more = (np.arange(n + 1.0) > 0.0)[None] * 1.0  # the initial state is steady without it
+
+    def after(place: float) -> Floats:
+        added = Changes(added=(AddedFlow(place, more),))
+        return np.asarray(response.simulate(still, added) - before)[0, 1:]
+
+    return {"up": after(0.0), "middle": after(0.5), "down": -after(1.0)}
 
 
 # Compiled: the gate's position depends on the previous sample.

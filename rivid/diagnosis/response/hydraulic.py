@@ -103,8 +103,6 @@ class HydraulicResponse(Response):
     fall of the bed [m], linear since it may be 0; the run of the banks; the logarithm of the time of gates;
     modes of the width and of the bed; corrections; the lag of the gauge behind h.
 
-    Notes
-    -----
     Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"),
     subtracted from the result. It raises the cells as the level at the dam does in a steady state: the water
     stays in balance, and a constant flow moves the baseline as it would move an open loop. With the same rise

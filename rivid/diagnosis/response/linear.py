@@ -55,8 +55,6 @@ class LinearPool(Response):
     The parameters are the logarithms of the area A, of the delay at the usual flow and of the gain G of the
     inflow over the outflow; s; the coefficients; the lag of the gauge behind h.
 
-    Notes
-    -----
     Source: equations (5) and (7); (16) for the FIR filters, here on both flows.
     """
 
