@@ -6,11 +6,13 @@ act on the simulated level: the level is held, and the missing water appears in 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rivid.diagnosis.data import Record
+from rivid.diagnosis.decision import Study
+from rivid.diagnosis.fit import Model
 from rivid.diagnosis.operators import Law, day_flow, identify, validate
 from rivid.diagnosis.response.base import Response, cut, gauge_of, lagged, start_level, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
@@ -18,14 +20,10 @@ from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
 from rivid.reach.gate import OperatorArrays, exchange_arrays, gate_arrays
-from rivid.reach.integrator import LinearReach, supply
+from rivid.reach.integrator import LinearReach, hold, supply
 from rivid.reach.operators import quantise
+from rivid.reach.saint_venant import simulate
 from rivid.types import Floats
-
-if TYPE_CHECKING:
-    from rivid.diagnosis.decision import Study
-    from rivid.diagnosis.fit import Model
-
 
 TURNS = 6
 """Maximum number of runs of a day, each with the front corrections for the outflow of the previous run."""
@@ -89,8 +87,6 @@ def _channel(
     reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
     """Run the channel of a Saint-Venant response."""
-    from rivid.reach.saint_venant import simulate
-
     channel = reach.channel.with_area_slope(changes.area_slope, changes.area_reference)
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]
     past = simulate(
@@ -112,8 +108,6 @@ def _pool(
     reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
     """Run the integrator with delay of a linear response."""
-    from rivid.reach.integrator import hold
-
     area, _, gain = (p.natural for p in reach.parameters[:3])
     delay = float(reach.delay(day)[0, 0])
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]
@@ -162,7 +156,7 @@ def first_level(day: Record, simulated: Floats) -> float:
     return float(np.mean(off[np.isfinite(off)]))
 
 
-def closed_loop(study: "Study") -> ClosedLoop | None:
+def closed_loop(study: Study) -> ClosedLoop | None:
     """Compare level and outflow of the sealed days, with the operators in the loop, with the measured ones.
 
     Each day starts from the state simulated from the logs before its first used sample, with the measured
@@ -218,7 +212,7 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     )  # fmt: skip
 
 
-def _opened(model: "Model", sealed: Record, changes: Changes) -> Floats:
+def _opened(model: Model, sealed: Record, changes: Changes) -> Floats:
     """Simulate the level with the logged outflow, started as the closed loop, shape (days, n)."""
     level = model.reach.simulate(sealed, changes)
     for i, row in enumerate(level):

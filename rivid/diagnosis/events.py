@@ -21,6 +21,7 @@ start is unknown, a jump appears in its own row only. Matching pursuit (Pati, Re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -463,10 +464,8 @@ def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tu
 
 
 def size_variation(events: Sequence[Event]) -> float:
-    """Return the coefficient of variation of sizes beyond standard errors [-]; NaN for fewer than two."""
+    """Return the coefficient of variation of the sizes of several events beyond standard errors [-]."""
     a = np.array([e.size for e in events])
-    if len(a) < 2:
-        return float("nan")
     own = max(float(a.var(ddof=1)) - float(np.mean([e.size_se**2 for e in events])), 0.0)
     return float(np.sqrt(own) / max(abs(float(a.mean())), 1e-300))
 
@@ -509,14 +508,9 @@ def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
 
 def _storms(events: Sequence[Event]) -> list[Event]:
     """Return the first event of each storm: a slow rise is coded as several consecutive events."""
-    found: list[Event] = []
-    last = -np.inf
-    for event in sorted(events, key=lambda e: (e.day, e.start_s)):
-        at = event.day * DAY + event.start_s
-        if at - last > A_STORM:
-            found.append(event)
-        last = at
-    return found
+    found = sorted(events, key=lambda e: (e.day, e.start_s))
+    at = [e.day * DAY + e.start_s for e in found]
+    return list(compress(found, np.diff(at, prepend=-np.inf) > A_STORM))
 
 
 def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
@@ -544,6 +538,6 @@ def plausible(found: Events) -> bool:
     if len(found.events) < FEWEST:
         return False
     if found.kind.shape == "pulse":
-        return not found.kind.name or not size_variation(found.events) > ALIKE
+        return not found.kind.name or size_variation(found.events) <= ALIKE
     p_value, share = timetable(_storms(found.events))
     return not (p_value <= SCHEDULED and share > 0.5)

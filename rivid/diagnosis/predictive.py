@@ -16,6 +16,7 @@ and Gelman (2018, Bayesian Analysis 13, 917-1007, section 3.4).
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import lsq_linear
 from scipy.special import gammaln
 
 from rivid.types import Floats
@@ -84,8 +85,6 @@ def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
 
     If it were clipped afterwards, the step of all other parameters would be wrong.
     """
-    from scipy.optimize import lsq_linear
-
     x = np.linalg.solve(G, g)
     if ((x >= low) & (x <= high)).all():
         return np.asarray(x)
@@ -114,7 +113,6 @@ def probabilities(
     parts: float = 1.0,
     temper: float = 1.0,
     draws: int = 4000,
-    seed: int = 0,
 ) -> Floats:
     """Return the probability of each explanation (k,), from the log densities of blocks (k, blocks).
 
@@ -123,7 +121,7 @@ def probabilities(
     that acts in one block. The score of an explanation is tempered, its prior is not.
     """
     s = np.asarray(scores, float)
-    weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.full(s.shape[1], parts), draws)
+    weights = s.shape[1] * np.random.default_rng(0).dirichlet(np.full(s.shape[1], parts), draws)
     total = temper * (weights @ (s - s.max(axis=0)).T) + np.asarray(log_prior, float)
     total -= total.max(axis=1, keepdims=True)
     chance = np.exp(total)

@@ -1,4 +1,4 @@
-"""Compiled matching pursuit on whitened steps of flow; importing this module loads numba.
+"""Compiled matching pursuit on whitened steps of flow.
 
 An atom consists of whitened steps W_s, one for each sample s at which a flow may begin. A search needs only
 the Gram matrix of the steps and their products with the whitened row, so each atom costs n operations in a

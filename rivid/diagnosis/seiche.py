@@ -179,9 +179,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
         return None
     made, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
     period, damping = float(getattr(made, "period")), float(getattr(made, "damping"))  # noqa: B009
-    if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
-        return None
-    if contrast < LEAST_CONTRAST:
+    if not LEAST_DAMPING <= damping <= 0.99 * WIDEST / period or contrast < LEAST_CONTRAST:
         return None
     if abs(np.log(_in_quiet(record, seen, noise, period))) > np.log(STEADY):
         return None  # it depends on the flows: waves of the reach that the response lacks

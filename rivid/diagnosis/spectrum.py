@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import rfft
 
 from rivid.types import DAY, Bools, Floats
 
@@ -85,8 +86,6 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     A sample that occurs twice, as in lead times, must be used once only. A line exceeds the multiple of the
     local median that white noise with the same gaps exceeds with the probability :data:`CHANCE`.
     """
-    from scipy.fft import rfft
-
     there = np.asarray(used, bool)
     clock = np.asarray(time, float)
     at, y = clock[there], np.asarray(series, float)[there]
@@ -135,8 +134,6 @@ def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
 
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
     """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
-    from scipy.fft import rfft
-
     n = r.shape[1]
     window = np.hanning(n).astype(r.dtype)
     lines = rfft(_unit(r, there) * window, 2 * n, axis=1)

@@ -11,7 +11,6 @@ Koopman, Time series analysis by state space methods, ch. 5).
 
 A sample depends on the one before it; days are independent. The innermost loops of all compiled functions
 here therefore run over days or columns. Arrays along which they run have a row for each sample: (n, days).
-Importing this module loads numba.
 """
 
 from typing import NamedTuple

@@ -15,16 +15,24 @@ constant inflow is not absorbed. The fit starts from several models: one start c
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+from scipy.signal import lfilter
 
+from rivid.diagnosis.noise.kalman import (
+    System,
+    filtered,
+    gains,
+    gather,
+    innovations,
+    log_likelihoods,
+    smoothed,
+)
 from rivid.errors import RividError
 from rivid.types import Bools, Floats
-
-if TYPE_CHECKING:
-    from rivid.diagnosis.noise.kalman import System
 
 
 class Smoothed(NamedTuple):
@@ -81,8 +89,6 @@ class NoiseModel:
         0 by default. The result is 0 at missing samples and, for a pool, at the first one of each day, which
         only sets x.
         """
-        from rivid.diagnosis.noise.kalman import gather, innovations
-
         given = np.asarray(columns, float)
         stack = np.ascontiguousarray(given.reshape(-1, *given.shape[-2:]))
         _, there = gather(stack.sum(0) if like is None else like)
@@ -103,8 +109,6 @@ class NoiseModel:
 
         For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
         """
-        from rivid.diagnosis.noise.kalman import log_likelihoods
-
         z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
         moved = _moved(activity, z.shape)
@@ -124,10 +128,6 @@ class NoiseModel:
         every, ... with a target in the row. Shape (days, origins); NaN where the target is missing, or for a
         pool without a sample up to the origin.
         """
-        from scipy.signal import lfilter
-
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather
-
         values, there = gather(residual)
         n, m = values.shape[1], self.system()
         K, _, _ = gains(np.ascontiguousarray(there.T), _moved(activity, there.shape), m, False)
@@ -148,8 +148,6 @@ class NoiseModel:
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
         """Estimate the unknown inflow from whole days of a residual (days, n) [m]; NaN is missing."""
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
-
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
@@ -162,8 +160,6 @@ class NoiseModel:
 
         Each sample is predicted from the samples present before it; after the last one these are forecasts.
         """
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather
-
         (values, there), m = gather(residual), self.system()
         K, _, P = gains(np.ascontiguousarray(there.T), _moved(activity, values.shape), m, True)
         states, _ = filtered(values, K, m)
@@ -174,8 +170,6 @@ class NoiseModel:
         self, days: int, n: int, rng: np.random.Generator, activity: ArrayLike | None = None
     ) -> Floats:
         """Simulate days of this noise (days, n) [m] with x_0 = 0; the activity (days, n) is 0 by default."""
-        from scipy.signal import lfilter
-
         m = self.system()
         moved = self.misfit**2 * _moved(activity, (days, n)).T
         of_x, of_s = (moved, 0.0 * moved) if m.diffuse else (0.0 * moved, moved)
@@ -191,10 +185,8 @@ class NoiseModel:
         s = memory(self.level_sd, m.psi, (v * np.sqrt(of_s))[:, :-1])
         return x + s + rng.normal(0.0, self.gauge_sd, (days, n))
 
-    def system(self) -> "System":
+    def system(self) -> System:
         """Return the entries of the filter's matrices."""
-        from rivid.diagnosis.noise.kalman import System
-
         numbers = _numbers(**{f.name: getattr(self, f.name) for f in fields(self)})
         c, phi, psi, walk, inflow, level, gauge, misfit = map(float, numbers)
         return System(c, phi, psi, walk, inflow, level, gauge, misfit, self.surface_area is not None)
@@ -247,10 +239,7 @@ class Limits(NamedTuple):
         """Return the filter's numbers at points (q, f), shape (q, 8)."""
         given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
         given |= dict(zip(self.free, np.exp(points).T, strict=True))
-        out = np.empty((len(points), 8))
-        for i, values in enumerate(_numbers(**given)):
-            out[:, i] = values
-        return out
+        return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
 
 def limits_of(
@@ -392,8 +381,6 @@ def fit_noise(
     only, and ends after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats in 100,000
     samples instead of 1e-3: faster if the starts are near.
     """
-    from rivid.diagnosis.noise.kalman import gather
-
     values, there = gather(residual)
     both = there[:, 1:] & there[:, :-1]
     if not np.diff(values, axis=1)[both].any():
@@ -429,10 +416,6 @@ def _climb(
     limits: Limits, near: bool,
 ) -> NoiseModel:  # fmt: skip
     """Return the model of greatest likelihood from all starts; `near` as `alone` in :func:`fit_noise`."""
-    from scipy.optimize import minimize
-
-    from rivid.diagnosis.noise.kalman import log_likelihoods
-
     used = weights > 0.0
     samples = weights @ there.sum(1)
     w = weights[used] / samples  # mean per sample: one tolerance fits all

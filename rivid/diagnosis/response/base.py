@@ -183,12 +183,7 @@ def start_level(output: Floats, otherwise: float) -> Floats:
 
 def gauge_of(record: Record, changes: Changes) -> Floats:
     """Return the reading of the gauge minus the water level, shape (days, n)."""
-    try:
-        return np.broadcast_to(np.asarray(changes.gauge, float), record.time.shape)
-    except ValueError:
-        raise RividError(
-            f"a gauge offset has shape {np.shape(changes.gauge)}: expected {record.time.shape} as the record"
-        ) from None
+    return on_grid("a gauge offset", changes.gauge, record.time.shape)
 
 
 def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
@@ -315,7 +310,7 @@ def step_responses(
         used=np.ones(shape, bool), lead=0, sample_time=sample_time, kind=kind,
     )  # fmt: skip
     before = response.simulate(still)
-    more = (np.arange(n + 1.0) > 0.0)[None] * 1.0  # the initial state is steady without it
+    more = np.concatenate([[0.0], np.ones(n)])[None]  # the initial state is steady without it
 
     def after(place: float) -> Floats:
         added = Changes(added=(AddedFlow(place, more),))
