@@ -161,13 +161,13 @@ class Model:
             limits["level_memory"] = WIND
         return limits
 
-    def changes(self, record: Record, more: tuple[Effect, ...] = ()) -> Changes:
+    def changes(self, record: Record) -> Changes:
         """Return the changes that the effects make on a record."""
-        return changes_of((*self.effects, *more), record.world(self.level, self.flow))
+        return changes_of(self.effects, record.world(self.level, self.flow))
 
-    def baseline(self, record: Record, more: tuple[Effect, ...] = ()) -> Floats:
-        """Return the output about the observed output, with further effects; shape (days, n)."""
-        return self.reach.baseline(record, self.changes(record, more))
+    def baseline(self, record: Record) -> Floats:
+        """Return the output about the observed output, shape (days, n)."""
+        return self.reach.baseline(record, self.changes(record))
 
     def recall(self, record: Record) -> float:
         """Return the share of a level error that remains after a sample with the effects; 1 for most effects.

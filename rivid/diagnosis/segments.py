@@ -36,24 +36,16 @@ date with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 def partition(
-    score: ArrayLike,
-    information: ArrayLike,
-    penalty: float,
-    *,
-    rest: Rest,
-    sign: int,
-    shortest: int,
-    edge: float,
+    g: Floats, q: Floats, penalty: float, *, rest: Rest, sign: int, shortest: int, edge: float
 ) -> tuple[Ints, Bools, float]:
     """Find the best segments, by exact dynamic programming over the first day of the last one.
 
-    Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. `score` and
-    `information` (days,) are g and q, 0 and 0 on a day without data. With `rest` "zero" the effect is absent
+    Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. Scores g and
+    informations q (days,) are 0 on a day without data. With `rest` "zero" the effect is absent
     outside windows, and windows have any size; with "free" it is always present, and its size changes. A
     window or a change costs the penalty [nats], an end of a window inside the season `edge` more. Sizes have
     the sign `sign`, any for 0; `shortest` is the number of days of the shortest segment with an effect.
     """
-    g, q = np.asarray(score, float), np.asarray(information, float)
     n = len(g)
     best, begin = np.full(n + 1, -np.inf), np.zeros(n + 1, np.int64)
     best[0] = 0.0

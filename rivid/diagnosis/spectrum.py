@@ -125,18 +125,16 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     return Rhythm(period, period**2 / (2.0 * m * step), m / BINS)
 
 
-def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
-    """Return days (days, n) without their mean and with mean square 1, so that no single day dominates."""
-    many = there.sum(1, keepdims=True)
-    z = (r - (r * there).sum(1, keepdims=True) / many) * there
-    return np.asarray(z / np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30)))
-
-
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
-    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
-    n = r.shape[1]
+    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window.
+
+    Days have their mean subtracted and the mean square 1, so that no single day dominates.
+    """
+    n, many = r.shape[1], there.sum(1, keepdims=True)
+    z = (r - (r * there).sum(1, keepdims=True) / many) * there
+    z /= np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30))
     window = np.hanning(n).astype(r.dtype)
-    lines = rfft(_unit(r, there) * window, 2 * n, axis=1)
+    lines = rfft(z * window, 2 * n, axis=1)
     share = weight / np.maximum((there * window**2).sum(1), 1e-30)
     return np.asarray(share @ (lines.real**2 + lines.imag**2), float)
 

@@ -14,7 +14,7 @@ from typing import Any, Self, cast
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Kind, Record
@@ -246,7 +246,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
     return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
 
 
-def lagged(values: Floats, lag: int) -> Floats:
+def lagged(values: NDArray[Any], lag: int) -> NDArray[Any]:
     """Return the values `lag` samples earlier; the first value of a row is repeated at its start."""
     if lag == 0:
         return values
