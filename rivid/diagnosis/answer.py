@@ -13,7 +13,7 @@ from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
-from rivid.diagnosis.localise import as_scores, drivers, strongest
+from rivid.diagnosis.localise import Scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.result import (
     Diagnosis,
@@ -26,10 +26,9 @@ from rivid.diagnosis.result import (
     Unknown,
     Verdict,
     Where,
-    closed_share,
 )
 from rivid.diagnosis.search import command_steps
-from rivid.diagnosis.spectrum import FEWEST, SHORTEST, rhythm, spectrum
+from rivid.diagnosis.spectrum import SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
 from rivid.text import shown_in
 from rivid.types import HOUR, Bools, Floats
@@ -81,7 +80,7 @@ def conclude(
     study: Study, classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
     """Return a study's diagnosis and its arrays; `floor` is the RMSE of the true model at each horizon."""
-    gap = replace(_gap(study, floor), by_regime=regimes(study))
+    gap = _gap(study, floor)
     evidence = _evidence(study)
     remainder = _unknown(study, evidence)
     verdict, reason = _verdict(study, gap, remainder)
@@ -182,13 +181,8 @@ USUAL: dict[str, str] = {
 def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str | None:
     """Return the measurement that separates an effect from those tied with it, or None if none is tied."""
     others = tuple(tied)
-    if not others:
-        return None
-    for other in others:
-        text = effect.confounded_with.get(other.name) or other.confounded_with.get(effect.name)
-        if text:
-            return text
-    return USUAL[effect.family]
+    known = (effect.confounded_with.get(e.name) or e.confounded_with.get(effect.name) for e in others)
+    return next(filter(None, known), USUAL[effect.family]) if others else None
 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
@@ -323,17 +317,13 @@ def _quantile(study: Study) -> float:
 
 
 def _estimates(study: Study) -> tuple[Estimate, ...]:
-    found = []
-    quantile = _quantile(study)
-    parameters = study.last.model.reach.parameters
-    errors = study.last.standard_errors
-    assert errors is not None
-    for free, error in zip(parameters, errors.tolist(), strict=False):
-        low, high = free.value - quantile * error, free.value + quantile * error
-        found.append(
-            Estimate(free.name, free.natural, free.unit, free.to_natural(low), free.to_natural(high))
-        )
-    return tuple(found)
+    """Return the parameters of the response with 95 % intervals."""
+    assert study.last.standard_errors is not None
+    spreads = (_quantile(study) * study.last.standard_errors).tolist()
+    return tuple(
+        Estimate(p.name, p.natural, p.unit, p.to_natural(p.value - spread), p.to_natural(p.value + spread))
+        for p, spread in zip(study.last.model.reach.parameters, spreads, strict=False)
+    )
 
 
 def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
@@ -360,20 +350,20 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
         heldout_dates=tuple(d for d, kept in zip(record.dates, sealed, strict=True) if kept),
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s", rmse_baseline=base,
         rmse_augmented=forecast, rmse_floor=None if floor is None else tuple(floor), closed=closed,
-        closed_forecast=closed_forecast, steps=steps, rmse_described=end if study.last.events else None,
+        closed_forecast=closed_forecast, steps=steps, by_regime=regimes(study),
+        rmse_described=end if study.last.events else None,
         rmse_open_baseline=rmse(study.first, opened, True),
         rmse_open_augmented=rmse(study.last, opened, False),
     )  # fmt: skip
 
 
 def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float]) -> float | None:
-    shares = [
-        closed_share(b, e, f)
-        for b, e, f in zip(base, end, floor, strict=True)
-        if b * b - f * f > 0.05 * b * b
-    ]
-    kept = [s for s in shares if s is not None and np.isfinite(s)]
-    return float(np.median(kept)) if kept else None
+    """Return the median over the horizons of the share of the squared error above the floor that is gone."""
+    b, e, f = (np.square(errors) for errors in (base, end, floor))
+    above = b - f > 0.05 * b
+    shares = (b - e)[above] / (b - f)[above]
+    shares = shares[np.isfinite(shares)]
+    return float(np.median(shares)) if len(shares) else None
 
 
 def _of_noise(study: Study) -> Unknown | None:
@@ -393,7 +383,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # fewer give no significant location
-        place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
+        place = strongest(Scores(w, record.used, blocks), drivers(record, blocks), record.dates)
     likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
     found, rows = _unnamed(likeliest, record)
     # size, dates and period refer to the same days
@@ -406,11 +396,9 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if slow is not None:
         hours, to = slow.period / HOUR, slow.resolution / HOUR
         found.append(f"a rhythm with a period of {hours:.3g} h (to {to:.2g} h)")
-    many = used.sum(axis=1) >= FEWEST
-    days = many & (last.weights > 0.0) if (many & (last.weights > 0.0)).any() else np.ones_like(many)
-    period, ratio, limit, _ = spectrum(
-        innovations[days], record.used[days], record.sample_time, weights=last.weights[days]
-    )
+    # of all days if those within have no weight, or too few samples
+    lines = (spectrum(innovations, days, record.sample_time, last.weights) for days in (used, record.used))
+    period, ratio, limit = next((line for line in lines if line is not None), (0.0, 0.0, np.inf))
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
     short = slow is None or period < SHORTEST  # a longer period repeats `slow`
@@ -418,10 +406,8 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
-        at, _, size = place.text.partition(", on ")[0].rpartition(", ")
-        found.append(
-            f"{at or 'these days'} ({size.removeprefix('-')} {'more' if place.size > 0 else 'less'})"
-        )
+        sense = "more" if place.size > 0 else "less"
+        found.append(f"{place.where or 'these days'} ({abs(place.size):.3g} m3/s {sense})")
     if not found:
         return None
     rms = float(np.sqrt(np.mean(w[used] ** 2)))

@@ -12,7 +12,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.errors import RividError
 from rivid.types import Bools, Ints
 
 SHORT, LONG, SEASON = 3, 7, 90
@@ -34,7 +33,6 @@ CYCLE = (Role.FIT, Role.FIT, Role.SELECT, Role.FIT, Role.SEALED)
 class Split:
     """Roles and blocks of days."""
 
-    day: Ints  # (days,): calendar days since the first one
     role: Ints  # (days,): a :class:`Role` each
     block: Ints  # (days,): number of the day's block: 0, 1, ... without gaps
 
@@ -59,28 +57,17 @@ class Split:
         return set(self.role.tolist()) == {int(role) for role in Role}
 
 
-def split(days: int | Sequence[object] | NDArray[np.datetime64], block_days: int | None = None) -> Split:
-    """Divide whole days (a number of consecutive ones, or dates) into blocks of `block_days` and roles.
+def split(dates: Sequence[object] | NDArray[np.datetime64], block_days: int | None = None) -> Split:
+    """Divide dates, in order and each once, into blocks of `block_days` and roles.
 
     A block never spans a gap in the calendar that is longer than itself.
 
     Examples
     --------
-    >>> split(15).role.tolist()
+    >>> split(np.datetime64("2024-05-01") + np.arange(15)).role.tolist()
     [0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 2, 2, 2]
     """
-    if isinstance(days, int):
-        day = np.arange(days, dtype=np.int64)
-    else:
-        dates = np.asarray(days, "datetime64[D]")
-        day = (dates - dates[:1]).astype(np.int64)
-        if (np.diff(day) < 1).any():
-            where = int(np.argmax(np.diff(day) < 1)) + 1
-            raise RividError(
-                f"day {dates[where]} stands after {dates[where - 1]}: expected dates in order, each once"
-            )
-    if len(day) == 0:
-        raise RividError("no days to split: expected at least one")
-    length = block_days or (SHORT if len(day) <= SEASON else LONG)
-    block = np.unique(day // length, return_inverse=True)[1].astype(np.int64)
-    return Split(day, np.array(CYCLE, np.int64)[block % len(CYCLE)], block)
+    days = np.asarray(dates, "datetime64[D]")
+    length = block_days or (SHORT if len(days) <= SEASON else LONG)
+    block = np.unique((days - days[0]).astype(np.int64) // length, return_inverse=True)[1].astype(np.int64)
+    return Split(np.array(CYCLE, np.int64)[block % len(CYCLE)], block)

@@ -20,7 +20,7 @@ from rivid.core.hydraulics import GRAVITY
 from rivid.diagnosis.data import Kind, Record
 from rivid.diagnosis.fit import Model
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.response.base import FreeParameter, Response, kernels_of
+from rivid.diagnosis.response.base import FreeParameter, Response, step_responses
 from rivid.diagnosis.response.hydraulic import HydraulicResponse, bed_width
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse
@@ -28,8 +28,6 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError, RividError
 from rivid.types import Floats
-
-RESPONSES: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +53,10 @@ class ReachModel:
     def kernels(self, samples: int) -> dict[str, Floats]:
         """Return the output after 1 m3/s more of u_Qi (`up`) and u_Qo (`down`) at the usual flow, (samples,).
 
-        See :func:`rivid.diagnosis.response.base.kernels_of`.
+        See :func:`rivid.diagnosis.response.base.step_responses`.
         """
-        row = np.arange(float(samples)) * self.sample_time
-        flow, one = np.full((1, samples), self.model.flow), np.ones((1, samples), bool)
-        still = Record(
-            dates=(dt.date(2000, 1, 1),), time=row[None], inflow=flow,
-            outflow=flow if self.kind == "pool" else np.zeros((1, samples)),
-            output=np.full((1, samples), self.model.level), used=one, lead=0,
-            sample_time=self.sample_time, kind=self.kind,
-        )  # fmt: skip
-        return kernels_of(self.model.reach, still)
+        model = self.model
+        return step_responses(model.reach, samples, self.sample_time, model.level, model.flow)
 
 
 def calibration(model: Model) -> dict[str, Any]:
@@ -123,7 +114,8 @@ def load_model(path: Path | str) -> ReachModel:
 
 
 def _response(table: Mapping[str, Any]) -> Response:
-    classes = {one.__name__: one for one in RESPONSES}
+    responses: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
+    classes = {one.__name__: one for one in responses}
     if table["response"] not in classes:
         raise ConfigError(f"response = {table['response']!r}: expected one of {', '.join(classes)}")
     parameters = tuple(

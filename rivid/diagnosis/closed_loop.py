@@ -6,27 +6,24 @@ act on the simulated level: the level is held, and the missing water appears in 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from rivid.diagnosis.data import Record
+from rivid.diagnosis.decision import Study
+from rivid.diagnosis.fit import Model
 from rivid.diagnosis.operators import Law, day_flow, identify, validate
 from rivid.diagnosis.response.base import Response, cut, gauge_of, lagged, start_level, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
-from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
 from rivid.reach.gate import OperatorArrays, exchange_arrays, gate_arrays
-from rivid.reach.integrator import LinearReach, supply
+from rivid.reach.integrator import LinearReach, hold, supply
 from rivid.reach.operators import quantise
+from rivid.reach.saint_venant import simulate
 from rivid.types import Floats
-
-if TYPE_CHECKING:
-    from rivid.diagnosis.decision import Study
-    from rivid.diagnosis.fit import Model
-
 
 TURNS = 6
 """Maximum number of runs of a day, each with the front corrections for the outflow of the previous run."""
@@ -55,12 +52,8 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[F
     for _ in range(TURNS):
         offset = gauge_of(day, changes) + _fronts(reach, plain, day, changes, outflow)
         before = level
-        if isinstance(plain, HydraulicResponse):
-            level, commands = _channel(plain, law, day, changes, offset[0], first)
-        elif isinstance(plain, LinearPool):
-            level, commands = _pool(plain, law, day, changes, offset[0], first)
-        else:
-            raise RividError(f"closed loop of {reach.name}: expected a pool, saint-venant or linear")
+        run = _channel if isinstance(plain, HydraulicResponse) else _pool
+        level, commands = run(plain, law, day, changes, offset[0], first)
         outflow[0, first:] = commands
         if plain is reach or np.abs(level - before).max() < CONVERGED:
             break
@@ -91,10 +84,9 @@ def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) 
 
 
 def _channel(
-    reach: HydraulicResponse, law: Law, day: Record, changes: Changes, offset: Floats, first: int
+    reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
-    from rivid.reach.saint_venant import simulate
-
+    """Run the channel of a Saint-Venant response."""
     channel = reach.channel.with_area_slope(changes.area_slope, changes.area_reference)
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]
     past = simulate(
@@ -113,10 +105,9 @@ def _channel(
 
 
 def _pool(
-    reach: LinearPool, law: Law, day: Record, changes: Changes, offset: Floats, first: int
+    reach: Any, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
-    from rivid.reach.integrator import hold
-
+    """Run the integrator with delay of a linear response."""
     area, _, gain = (p.natural for p in reach.parameters[:3])
     delay = float(reach.delay(day)[0, 0])
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]
@@ -139,12 +130,6 @@ def _pool(
 
 def without_fronts(reach: Response) -> Response:
     """Return the reach without its sums of lagged flows, which the time loop does not include."""
-    if isinstance(reach, LinearPool):
-        if reach.fronts == "none":
-            return reach
-        return replace(
-            reach, parameters=(*reach.parameters[:4], reach.parameters[-1]), fronts="none", lags=()
-        )
     values = vector_of(reach)
     lagged = [i for i, p in enumerate(reach.parameters) if p.name.startswith(("outflow_lag", "inflow_lag"))]
     if not values[lagged].any():
@@ -171,7 +156,7 @@ def first_level(day: Record, simulated: Floats) -> float:
     return float(np.mean(off[np.isfinite(off)]))
 
 
-def closed_loop(study: "Study") -> ClosedLoop | None:
+def closed_loop(study: Study) -> ClosedLoop | None:
     """Compare level and outflow of the sealed days, with the operators in the loop, with the measured ones.
 
     Each day starts from the state simulated from the logs before its first used sample, with the measured
@@ -227,7 +212,7 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     )  # fmt: skip
 
 
-def _opened(model: "Model", sealed: Record, changes: Changes) -> Floats:
+def _opened(model: Model, sealed: Record, changes: Changes) -> Floats:
     """Simulate the level with the logged outflow, started as the closed loop, shape (days, n)."""
     level = model.reach.simulate(sealed, changes)
     for i, row in enumerate(level):

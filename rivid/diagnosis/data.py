@@ -284,10 +284,8 @@ def read_record(
 class Known(NamedTuple):
     """Facts about the logs known before a diagnosis."""
 
-    notes: tuple[str, ...] = ()
-    """What was left out and why, and other findings of `rivid check`."""
-    dated: tuple[Effect, ...] = ()
-    """Effects found by `rivid check`, with their dates."""
+    notes: tuple[str, ...] = ()  # what was left out and why, and other findings of `rivid check`
+    dated: tuple[Effect, ...] = ()  # effects found by `rivid check`, with their dates
 
 
 def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Known]:

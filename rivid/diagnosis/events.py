@@ -21,6 +21,7 @@ start is unknown, a jump appears in its own row only. Matching pursuit (Pati, Re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -56,16 +57,6 @@ def extended(kernel: Floats, length: int) -> Floats:
     slope = kernel[-1] - kernel[-2]
     beyond = kernel[-1] + slope * np.arange(1, length - len(kernel) + 1)
     return np.asarray(np.concatenate([kernel, beyond]), float)
-
-
-def response(kernel: Floats, shape: Shape, samples: float, length: int, rise: int = 0) -> Floats:
-    """Return the response (length,) to a unit event that starts at 0 and, unless a jump, lasts `samples`."""
-    h = extended(kernel, length)
-    if shape == "pulse":
-        return np.subtract(h, at_lags(h, np.arange(length, dtype=float) - samples))
-    if shape == "recession":
-        return np.asarray(receding(h[::-1, None].copy(), samples, rise)[::-1, 0])
-    return h
 
 
 def at_lags(h: Floats, lags: Floats) -> Floats:
@@ -116,16 +107,12 @@ class Kind:
     # (m,) Response of the output to a unit step of added flow at its place, by samples since the step [m per
     # m3/s], for a river reach [-]; ones for a jump.
     kernel: Floats
-    grid: tuple[float, ...] = ()  # durations or recessions [s]
-
-    def __post_init__(self) -> None:
-        if not self.grid:
-            object.__setattr__(self, "grid", GRIDS[self.shape])
+    grid: tuple[float, ...] = ()  # durations or recessions [s]; that of its shape if empty
 
     def samples(self, sample_time: float) -> tuple[float, ...]:
         """Return the grid [samples] without duplicates."""
         least = SHORTEST if self.shape == "pulse" else 1.0
-        return tuple(dict.fromkeys(max(x / sample_time, least) for x in self.grid))
+        return tuple(dict.fromkeys(max(x / sample_time, least) for x in self.grid or GRIDS[self.shape]))
 
 
 @dataclass(frozen=True)
@@ -138,7 +125,6 @@ class Event:
     duration_s: float  # duration of a pulse, or recession [s]
     size: float  # flow (peak of a recession) [m3/s] or jump [m], and its standard error
     size_se: float
-    gain: float  # log-likelihood lost without it, the others refitted [nats]
     under_way: bool  # whether it began before the row's first sample: its start is uncertain
 
 
@@ -147,7 +133,6 @@ class Events:
     """The events of one kind."""
 
     kind: Kind
-    duration_s: float  # median duration of the events, or their recession [s]
     events: tuple[Event, ...]  # by day and start
     coded: Floats  # (days, n): their contribution to the residual
     gain: float  # log-likelihood gained on all days minus prices [nats]
@@ -170,12 +155,12 @@ class _Pattern:
     W: Floats  # (S, n)
     readings: Ints  # (S,): number from each start on
     steps: dict[Form, Steps] = field(default_factory=dict)
-    units: dict[float, Floats] = field(default_factory=dict)
+    units: dict[tuple[float, int], Floats] = field(default_factory=dict)  # by duration and rise
 
 
 @dataclass(eq=False)
 class _Found:
-    """Events of one form, row by row; an event is row, start in it, duration, size, variance and gain."""
+    """Events of one form, row by row; an event is row, start in it, duration, size and its variance."""
 
     form: Form
     events: list[list[float]] = field(default_factory=list)
@@ -281,10 +266,10 @@ class Rows:
 
     def _kernel(self, form: Form) -> Floats:
         """Return the response to an event of a form that does not end."""
-        kind, length = self.kind, 2 * self.white.shape[1] + self.before
-        if kind.shape == "recession":
-            return response(kind.kernel, kind.shape, form.durations[0], length, form.rise)
-        return extended(kind.kernel, length)
+        h = extended(self.kind.kernel, 2 * self.white.shape[1] + self.before)
+        if self.kind.shape == "recession":
+            return np.asarray(receding(h[::-1, None].copy(), form.durations[0], form.rise)[::-1, 0])
+        return h
 
     def _made(self, h: Floats, x: float, samples: float, size: float) -> Floats:
         """Return the output of an event in a row (n,) that starts at x; `h` from :meth:`_kernel`."""
@@ -302,12 +287,11 @@ class Rows:
             Event(
                 day=int(d), start_s=(x - self.lead - 0.5 * jump) * T,
                 duration_s=(D if np.isfinite(D) else form.durations[0]) * T, size=size,
-                size_se=float(np.sqrt(variance)), gain=gain, under_way=x < 0.0,
+                size_se=float(np.sqrt(variance)), under_way=x < 0.0,
             )
-            for d, x, D, size, variance, gain in sorted(found.events)
+            for d, x, D, size, variance in sorted(found.events)
         )  # fmt: skip
-        usual = float(np.median([e.duration_s for e in events])) if events else form.durations[0] * T
-        return Events(kind, usual, events, coded, found.gain, self.price, form.rise * T)
+        return Events(kind, events, coded, found.gain, self.price, form.rise * T)
 
     def _before(self, samples: float) -> int:
         """Return the number of starts before a row for events that last `samples`."""
@@ -340,16 +324,16 @@ class Rows:
                 steps[key] = steps_of(pattern.W, self.before, usual)  # every start is needed on some day
         made, units = steps[key], []
         for D in form.durations:
-            at = D + form.rise * 1e6  # a key; recessions have one duration each
-            if at not in pattern.units:
+            of = D, form.rise
+            if of not in pattern.units:
                 root = np.sqrt(squares(made.W, made.before, D if shape == "pulse" else np.inf))
                 seen = root > VISIBLE * root.max(initial=0.0)
                 if shape == "jump":
                     whole = pattern.readings.max()
                     seen &= pattern.readings >= FEWEST_READINGS
                     seen &= whole - pattern.readings >= FEWEST_READINGS
-                pattern.units[at] = np.divide(1.0, root, out=np.zeros(len(root)), where=seen)
-            units.append(pattern.units[at])
+                pattern.units[of] = np.divide(1.0, root, out=np.zeros(len(root)), where=seen)
+            units.append(pattern.units[of])
         return made, np.array(units)
 
     def _price(self) -> float:
@@ -369,40 +353,25 @@ class Rows:
 
 
 def find_events(
-    residual: ArrayLike,
+    residual: ArrayLike,  # (days, n): measured minus simulated [m, or m3/s]; NaN at missing or unused samples
     whiten: Whiten,
     kind: Kind,
     sample_time: float,
     *,
-    lead: int = 0,
-    follows: ArrayLike | None = None,
+    lead: int = 0,  # samples of a row before its day; rows are `n - lead` samples apart
+    follows: ArrayLike | None = None,  # (days,): whether a row is the day after the one above it; none is
     refine: bool = True,
 ) -> Events:
     """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
 
-    Parameters
-    ----------
-    residual : array_like, shape (days, n)
-        Measured minus simulated output [m, or m3/s]; NaN at missing or unused samples.
-    whiten : callable
-        `whiten(columns, like)` of a noise model; `like` (days, n) is NaN where samples are missing.
-    kind : Kind
-    sample_time : float
-        T_s [s].
-    lead : int
-        Samples of a row before its day; rows are `n - lead` samples apart.
-    follows : array_like of bool, shape (days,), optional
-        Whether a row is the day after the one above it: events under way are carried over. Default: none.
-    refine : bool
-        Whether the duration is refined between the values of the grid, starts are moved between samples, and
-        pulses may have two durations, or one each, if that gains more than its price.
+    Events under way are carried over to a row that follows. With `refine`, the duration is refined between
+    the values of the grid, starts are moved between samples, and pulses may have two durations, or one each,
+    if that gains more than its price.
     """
     rows = Rows(residual, whiten, kind, sample_time, lead, follows)
-    every = range(len(rows.white))
-    if refine and kind.shape != "jump":
-        (found,) = rows.search([_refined(rows)], every, timed=2)
-    else:
-        (found,) = rows.search([_usual(rows)], every)
+    refine = refine and kind.shape != "jump"
+    form = _refined(rows) if refine else _usual(rows)
+    (found,) = rows.search([form], range(len(rows.white)), timed=2 if refine else 0)
     return rows.as_events(found)
 
 
@@ -495,10 +464,8 @@ def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tu
 
 
 def size_variation(events: Sequence[Event]) -> float:
-    """Return the coefficient of variation of sizes beyond standard errors [-]; NaN for fewer than two."""
+    """Return the coefficient of variation of the sizes of several events beyond standard errors [-]."""
     a = np.array([e.size for e in events])
-    if len(a) < 2:
-        return float("nan")
     own = max(float(a.var(ddof=1)) - float(np.mean([e.size_se**2 for e in events])), 0.0)
     return float(np.sqrt(own) / max(abs(float(a.mean())), 1e-300))
 
@@ -533,36 +500,32 @@ def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
     if effect.found_as == "jump":
         return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":
-        return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
+        return Kind(effect.name, "recession", 1, kernels["middle"])
     if issubclass(effect, PassingFlow):
-        return Kind(effect.name, "pulse", 1, kernels["middle"], PULSES)
-    return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
+        return Kind(effect.name, "pulse", 1, kernels["middle"])
+    return Kind(effect.name, "pulse", -1, -kernels["down"])
 
 
 def _storms(events: Sequence[Event]) -> list[Event]:
     """Return the first event of each storm: a slow rise is coded as several consecutive events."""
-    found: list[Event] = []
-    last = -np.inf
-    for event in sorted(events, key=lambda e: (e.day, e.start_s)):
-        at = event.day * DAY + event.start_s
-        if at - last > A_STORM:
-            found.append(event)
-        last = at
-    return found
+    found = sorted(events, key=lambda e: (e.day, e.start_s))
+    at = [e.day * DAY + e.start_s for e in found]
+    return list(compress(found, np.diff(at, prepend=-np.inf) > A_STORM))
 
 
 def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     """Return the effect with its events; starts are hours since the first day's midnight."""
     number = record.day_number
     starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
+    sizes = np.array([e.size for e in events.events])
     if effect.found_as == "jump":
-        return effect.from_events(starts, [e.size for e in events.events], 0.0)
-    sizes_ = np.array([abs(float(e.size)) for e in events.events])
+        return effect.from_events(starts, sizes.tolist(), 0.0)
     alike = effect.found_as == "pulse" and effect.name
-    most = (MOST_PULSE if alike else MOST_RAIN) * float(np.median(sizes_))
-    size = np.minimum(sizes_, most).tolist()
+    most = (MOST_PULSE if alike else MOST_RAIN) * float(np.median(np.abs(sizes)))
     lasts = tuple(e.duration_s / HOUR for e in events.events)
-    made = effect.from_events(starts, size, lasts[0] if np.ptp(lasts) == 0.0 else lasts)
+    made = effect.from_events(
+        starts, np.minimum(np.abs(sizes), most).tolist(), lasts[0] if np.ptp(lasts) == 0.0 else lasts
+    )
     if events.rise_s > 0.0 and "rise" in effect.parameters():
         made = made.with_values(rise=events.rise_s / HOUR)
     return made
@@ -575,6 +538,6 @@ def plausible(found: Events) -> bool:
     if len(found.events) < FEWEST:
         return False
     if found.kind.shape == "pulse":
-        return not found.kind.name or not size_variation(found.events) > ALIKE
+        return not found.kind.name or size_variation(found.events) <= ALIKE
     p_value, share = timetable(_storms(found.events))
     return not (p_value <= SCHEDULED and share > 0.5)

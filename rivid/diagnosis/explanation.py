@@ -159,39 +159,21 @@ def fitted(
     unknown: Unknown = "",
     log_prior: float = 0.0,
     start: Explanation | None = None,
-    parent: Explanation | None = None,
-    inflation: float = 1.0,
-    others: tuple[Effect, ...] = (),
+    parent: Explanation | None = None,  # explanation that the result extends
+    inflation: float = 1.0,  # of the added effect; see :func:`rivid.diagnosis.search.inflation_of`
+    others: tuple[Effect, ...] = (),  # effects outside the simulator, and their events
     events: tuple[Events, ...] = (),
-    steps: int = STEPS,
-    fresh: int = 0,
-    enough: float = ENOUGH,
-    rough: bool = False,
+    steps: int = STEPS,  # maximum number of steps
+    fresh: int = 0,  # maximum number of recomputations of the columns
+    enough: float = ENOUGH,  # the fit ends when a step with new columns gains less [nats]
+    rough: bool = False,  # whether the final noise is fitted from that of the last step alone
 ) -> Explanation:
     """Fit a model and its noise to the open days (days,), starting at the model's values.
 
-    Raises RividError if the reach cannot carry the flows.
-
-    Parameters
-    ----------
-    start : Explanation, optional
-        Fit of a similar model: its columns of the response's parameters and, for the first steps, its noise
-        and weights are used. By default columns are computed, and the noise fitted, at the start.
-    parent : Explanation, optional
-        Explanation that the result extends.
-    inflation : float
-        Inflation of the added effect; see :func:`rivid.diagnosis.search.inflation_of`.
-    others, events : tuple
-        Effects outside the simulator, and their events.
-    steps : int
-        Maximum number of steps.
-    fresh : int
-        Maximum number of recomputations of the columns: after the first step, and when a step gains less than
-        `enough` or :data:`RELIABLE` of its predicted gain.
-    enough : float
-        The fit ends when a step with new columns gains less [nats].
-    rough : bool
-        Whether the final noise is fitted from that of the last step alone.
+    `start` may be a fit of a similar model: its columns of the response's parameters and, for the first
+    steps, its noise and weights are used. Otherwise columns are computed, and the noise fitted, at the start.
+    Columns are recomputed after the first step, and when a step gains less than `enough` or
+    :data:`RELIABLE` of its predicted gain. Raises RividError if the reach cannot carry the flows.
     """
     p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
@@ -365,23 +347,10 @@ def settled(model: Model, record: Record, number: int) -> Model:
     the regression, due to curvature and at its best fit, give the variance of the output, with a correlation
     time of :data:`LASTS` samples. So the distribution narrows only as far as the output is linear across it.
 
-    Parameters
-    ----------
-    model : Model
-        Only its response is changed; effects keep their values.
-    record : Record
-    number : int
-        Seed of the draws.
-
-    Returns
-    -------
-    Model
-        `model` itself if too few draws can carry the flows for a regression.
-
-    Notes
-    -----
-    Source: the posterior linearisation filter, by statistical linear regression (Garcia-Fernandez, Svensson,
-    Morelande and Sarkka 2015), here with draws, each with its mirror image.
+    Only the response of `model` is changed, and nothing if too few draws can carry the flows for a
+    regression; `number` is the seed of the draws. Source: the posterior linearisation filter, by statistical
+    linear regression (Garcia-Fernandez, Svensson, Morelande and Sarkka 2015), here with draws, each with its
+    mirror image.
     """
     free = model.reach.parameters
     mean, sd, low, high = (np.array([getattr(p, key) for p in free]) for key in ("mean", "sd", "low", "high"))

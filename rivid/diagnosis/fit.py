@@ -134,7 +134,7 @@ class Model:
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
             gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
-            starts=() if self.noise is None else (self.noise,), alone=alone and self.noise is not None,
+            starts=() if self.noise is None else (self.noise,), alone=alone,
         )  # fmt: skip
 
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
@@ -161,13 +161,13 @@ class Model:
             limits["level_memory"] = WIND
         return limits
 
-    def changes(self, record: Record, more: tuple[Effect, ...] = ()) -> Changes:
+    def changes(self, record: Record) -> Changes:
         """Return the changes that the effects make on a record."""
-        return changes_of((*self.effects, *more), record.world(self.level, self.flow))
+        return changes_of(self.effects, record.world(self.level, self.flow))
 
-    def baseline(self, record: Record, more: tuple[Effect, ...] = ()) -> Floats:
-        """Return the output about the observed output, with further effects; shape (days, n)."""
-        return self.reach.baseline(record, self.changes(record, more))
+    def baseline(self, record: Record) -> Floats:
+        """Return the output about the observed output, shape (days, n)."""
+        return self.reach.baseline(record, self.changes(record))
 
     def recall(self, record: Record) -> float:
         """Return the share of a level error that remains after a sample with the effects; 1 for most effects.
@@ -235,24 +235,15 @@ class Model:
 
         `shared` may give those of the response.
         """
-        steps, candidates = self._steps(record)
+        values, candidates = self.values(), []
+        steps = np.empty(len(values))
+        for j, scale in enumerate(self.scales()):
+            for share in (0.05, -0.05):  # a step down from the upper limit
+                moved = self.with_values(values + share * scale * (np.arange(len(values)) == j))
+                steps[j] = moved.values()[j] - values[j]
+                if abs(steps[j]) >= 1e-3 * scale:
+                    break
+            candidates.append(moved.changes(record))
         columns = sensitivities(self.reach, record, candidates, self.changes(record), shared, base)
         columns[len(columns) - len(steps) :] /= steps[:, None, None]
         return columns
-
-    def _steps(self, record: Record) -> tuple[Floats, list[Changes]]:
-        """Return small steps of the effects' free values (q,), and all changes with each step."""
-        values, scales = self.values(), self.scales()
-        steps, candidates = np.empty(len(values)), []
-        for j in range(len(values)):
-            other = values.copy()
-            other[j] += 0.05 * scales[j]
-            moved = self.with_values(other)
-            step = moved.values()[j] - values[j]
-            if abs(step) < 1e-3 * scales[j]:  # at its upper limit: a step down
-                other[j] = values[j] - 0.05 * scales[j]
-                moved = self.with_values(other)
-                step = moved.values()[j] - values[j]
-            steps[j] = step
-            candidates.append(moved.changes(record))
-        return steps, candidates

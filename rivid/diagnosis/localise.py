@@ -1,8 +1,7 @@
 """Location of the largest gap: hours, weekdays, dates, flows, levels, their rates, and times since a step.
 
-A sample has a score s and an information q, so that the sum of s over the sum of q is a size: with x the
-whitened column of a unit inflow and r the whitened residual, s = x r and q = x^2 give it in m3/s; for a
-reconstructed inflow q = 1. The departure of a bin is its size minus that of all samples,
+The score s of a sample is the reconstructed inflow [m3/s], and q = 1 for samples that count, else 0. The
+departure of a bin is the mean of its scores minus that of all samples,
 
     D_b = S_b / Q_b - S / Q = sum over blocks j of psi_jb,
     psi_jb = (s_jb - (S/Q) q_jb) / Q_b - (s_j - (S/Q) q_j) / Q,
@@ -11,18 +10,21 @@ and its significance is tested by flipping the signs of whole blocks of psi. Thi
 blocks, so dates are binned in long parts; the ends of date windows are found by segmentation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.segments import segment
-from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
+
+LEVEL = 0.05
+"""Significance level of the largest bin of all drivers."""
 
 BINS = 8
 """Number of bins of a flow, a level or a rate, with equal numbers of samples."""
@@ -51,14 +53,13 @@ class Driver:
     """A quantity by which samples are binned."""
 
     name: str
-    unit: str
-    edges: Floats  # (k + 1,) [unit]; a bin includes its lower edge
-    labels: tuple[str, ...]  # length k
+    count: int  # number of bins
     bin: Ints  # (days, n): bin of each sample; -1 for none
+    words: Callable[[int, int], str]  # describes the bins from a first to a last one
     cyclic: bool = False  # whether the last bin is next to the first one
 
 
-def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
+def drivers(record: Record, blocks: Ints) -> tuple[Driver, ...]:
     """Return all drivers that vary in the logs.
 
     `blocks` (days,) are the blocks of the days: parts of the season consist of whole blocks.
@@ -68,8 +69,6 @@ def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
     level = ("level", "m") if record.kind == "pool" else ("discharge", "m3/s")
     logs = (("inflow", "m3/s", record.inflow), ("outflow", "m3/s", record.outflow), (*level, record.output))
     lag = max(1, round(3600.0 / record.sample_time))
-    shift = np.mod(hour - FIRST_SHIFT, 24.0) / 8.0
-    hours = [f"{h} to {h + 1} h" for h in range(24)]
     turns = [f"{(FIRST_SHIFT + 8 * i) % 24:g} to {(FIRST_SHIFT + 8 * i + 8) % 24:g} h" for i in range(3)]
 
     def rate(values: Floats) -> Floats:
@@ -79,10 +78,10 @@ def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
         return out
 
     found = [
-        Driver("hour", "h", np.arange(25.0), tuple(hours), _floor(hour), True),
-        Driver("shift", "shift", np.arange(4.0), tuple(turns), _floor(shift), True),
-        Driver("weekday", "day", np.arange(8.0), WEEKDAYS, _floor(weekday[:, None] + 0.0 * hour), True),
-        season(record.dates, blocks, hour.shape[1]),
+        Driver("hour", 24, _floor(hour), lambda a, b: f"hours {a} to {b + 1}", True),
+        named("shift", turns, _floor(np.mod(hour - FIRST_SHIFT, 24.0) / 8.0)),
+        named("weekday", WEEKDAYS, _floor(weekday[:, None] + 0.0 * hour)),
+        season(blocks, hour.shape[1]),
         *(by_size(name, unit, values, used) for name, unit, values in logs),
         *(by_size(f"rate of {name}", f"{unit} per h", rate(values), used)
           for name, unit, values in logs),
@@ -92,21 +91,23 @@ def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
     return tuple(d for d in found if d is not None and len(np.unique(d.bin[used & (d.bin >= 0)])) > 1)
 
 
-def season(dates: Sequence[date], blocks: ArrayLike, n: int) -> Driver | None:
+def named(name: str, labels: Sequence[str], bins: Ints) -> Driver:
+    """Return a driver with a label for each bin of a cycle."""
+
+    def words(first: int, last: int) -> str:
+        return f"{name} {labels[first] if first == last else f'{labels[first]} to {labels[last]}'}"
+
+    return Driver(name, len(labels), bins, words, True)
+
+
+def season(block: Ints, n: int) -> Driver | None:
     """Return parts of :data:`PART_BLOCKS` blocks or more, for rows of n samples; None if only one."""
-    number = np.unique(np.asarray(blocks), return_inverse=True)[1]
-    many = int(number.max()) + 1
+    many = int(block.max()) + 1
     parts = min(many // PART_BLOCKS, 12)
     if parts < 2:
         return None
-    part = number * parts // many
-    ends = [*np.flatnonzero(np.diff(part, prepend=-1)).tolist(), len(dates)]
-    labels = tuple(
-        f"{in_words(dates[a])} to {in_words(dates[b - 1])}" for a, b in zip(ends[:-1], ends[1:], strict=True)
-    )
-    return Driver(
-        "date", "row", np.array(ends, float), labels, np.repeat(part[:, None].astype(np.int64), n, axis=1)
-    )
+    bins = np.repeat((block * parts // many)[:, None], n, axis=1)
+    return Driver("date", parts, bins, lambda first, last: "")
 
 
 def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
@@ -119,8 +120,7 @@ def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
         return None
     inner = np.digitize(values, edges[1:-1])  # the highest value belongs to the last bin
     outside = ~np.isfinite(values) | (values < edges[0]) | (values > edges[-1])
-    labels = tuple(f"{a:.4g} to {b:.4g} {unit}" for a, b in zip(edges[:-1], edges[1:], strict=True))
-    return Driver(name, unit, edges, labels, np.where(outside, -1, inner).astype(np.int64))
+    return between(name, unit, edges, np.where(outside, -1, inner))
 
 
 def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
@@ -133,38 +133,28 @@ def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
     last = np.maximum.accumulate(at, axis=1)
     hours = (np.arange(flow.shape[1]) - last) * (sample_time / 3600.0)
     bins = np.where((last >= 0) & (hours < SINCE[-1]), np.digitize(hours, SINCE) - 1, -1)
-    labels = tuple(f"{a:g} to {b:g} h" for a, b in zip(SINCE[:-1], SINCE[1:], strict=True))
-    return Driver(name, "h", np.array(SINCE), labels, bins.astype(np.int64))
+    return between(name, "h", SINCE, bins)
 
 
-def in_words(day: date) -> str:
-    """Return a date such as "12 May"."""
-    return f"{day.day} {day:%B}"
+def between(name: str, unit: str, edges: Sequence[float] | Floats, bins: Ints) -> Driver:
+    """Return a driver with bins between edges."""
+
+    def words(first: int, last: int) -> str:
+        return f"{name} {edges[first]:.4g} to {edges[last + 1]:.4g} {unit}"
+
+    return Driver(name, len(edges) - 1, bins, words)
 
 
 def _floor(values: Floats) -> Ints:
     return np.floor(values + 1e-9).astype(np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """Scores ready to be binned; made by :func:`as_scores`."""
+class Scores(NamedTuple):
+    """Scores that are binned."""
 
-    score: Floats  # (days, n) s and q; 0 where a sample does not count
-    information: Floats
-    used: Bools  # (days, n)
-    block: Ints  # (days,) 0, 1, ... without holes
-
-
-def as_scores(score: ArrayLike, used: ArrayLike, blocks: ArrayLike) -> Scores:
-    """Prepare scores of an inflow (days, n), with the information 1, used samples and blocks (days,)."""
-    there, s, block = np.asarray(used, bool), np.asarray(score, float), np.asarray(blocks)
-    seen = len(np.unique(block[there.any(1)]))
-    if seen < FEWEST_BLOCKS:
-        raise RividError(f"{seen} blocks have samples that count: expected {FEWEST_BLOCKS} or more; "
-                         "give more days or shorter blocks")  # fmt: skip
-    number = np.unique(block, return_inverse=True)[1].astype(np.int64)
-    return Scores(np.where(there, s, 0.0), there.astype(float), there, number)
+    score: Floats  # (days, n): s; 0 where a sample does not count
+    used: Bools  # (days, n): samples that count
+    block: Ints  # (days,): block of each day: 0, 1, ... without gaps
 
 
 def p_values(
@@ -178,11 +168,10 @@ def p_values(
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), (draws, int(scores.block.max()) + 1))
     ranks = []
     for driver in by:
-        S, Q = (sums(driver, a, scores.block) for a in (scores.score, scores.information))
-        blocks = (sums(driver, scores.used, scores.block) > 0.0).sum(0)
+        S, Q = (sums(driver, a, scores.block) for a in (scores.score, scores.used))
         psi = influence(S, Q)
         root = _spread(psi)
-        tested = (blocks >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
+        tested = ((Q > 0.0).sum(0) >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
         flipped = np.abs(signs @ (psi[:, tested] / root[tested])).max(1, initial=0.0)
         top = float((np.abs(psi[:, tested].sum(0)) / root[tested]).max(initial=0.0))
         ranks.append(_shares(np.append(flipped, top)))
@@ -192,7 +181,7 @@ def p_values(
 
 def sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
     """Sum by block and bin, shape (blocks, k)."""
-    k, J = len(driver.labels), int(block.max()) + 1
+    k, J = driver.count, int(block.max()) + 1
     inside = driver.bin >= 0
     cell = (block[:, None] * k + driver.bin)[inside]
     return np.asarray(np.bincount(cell, np.asarray(values, float)[inside], J * k).reshape(J, k), float)
@@ -225,83 +214,67 @@ def _shares(values: Floats) -> Floats:
     return np.asarray(1.0 - np.searchsorted(np.sort(rounded), rounded, side="left") / len(values), float)
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Location of the largest gap."""
 
-    driver: str
-    # Range of the driver [its unit]; low >= high wraps past midnight or Sunday. For dates, see `windows`.
-    low: float
-    high: float
-    size: float  # inside minus outside [unit of the effect], and its standard error by blocks
-    size_se: float
+    where: str  # range of the driver in words; empty if it is a matter of dates
+    size: float  # mean score inside minus that outside [m3/s]
     p_value: float  # corrected for all drivers and bins
     # First and last day of each period in which it acts; the whole season if no end is found.
     windows: tuple[tuple[date, date], ...]
-    text: str  # description
 
 
-def strongest(
-    scores: Scores, by: Sequence[Driver], dates: Sequence[date], level: float = 0.05
-) -> Place | None:
+def strongest(scores: Scores, by: Sequence[Driver], dates: Sequence[date]) -> Place | None:
     """Find the largest departure: adjacent bins of one driver, and dates; None if none is significant.
 
-    `level` is that of the largest bin of all drivers. With k blocks no p-value is below 2^(1 - k).
+    With k blocks no p-value is below 2^(1 - k); at least :data:`FEWEST_BLOCKS` are needed.
     """
     each, p_value = p_values(scores, by)
-    significant = [d for d, p in zip(by, each, strict=True) if p <= level]
-    if p_value > level or not significant:
+    if p_value > LEVEL:
         return None
     all_days = np.ones(len(dates), bool)
+    significant = [d for d, p in zip(by, each, strict=True) if p <= LEVEL]
     driver = max(significant, key=lambda d: _best_run(scores, d, all_days)[0])
-    days, first, last = _extent(scores, driver)
-    where = days[:, None] & (_between(driver, first, last) | (driver.name == "date"))
-    two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
-    S, Q = (sums(two, a, scores.block) for a in (scores.score, scores.information))
-    size = S.sum(0) / np.maximum(Q.sum(0), 1e-300)
-    error = (S - size * Q) / np.maximum(Q.sum(0), 1e-300)
-    value, se = float(size[1] - size[0]), float(np.sqrt(((error[:, 1] - error[:, 0]) ** 2).sum()))
+    if driver.name == "date":
+        where, days = "", _dates(scores, driver)
+        inside = np.broadcast_to(days[:, None], scores.used.shape)
+    else:
+        days, first, last = _extent(scores, driver)
+        where, inside = driver.words(first, last), days[:, None] & _within(driver, first, last)
+    size = _mean(scores, inside) - _mean(scores, ~inside)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], days, [False]]).astype(int))).tolist()
     windows = tuple((dates[a], dates[b - 1]) for a, b in zip(ends[::2], ends[1::2], strict=True))
-    low, high = float(driver.edges[first]), float(driver.edges[last + 1])
-    names = driver.labels[first], driver.labels[last]
-    if driver.name == "date":
-        span = ""
-    elif driver.name == "hour":
-        span = f"hours {low:g} to {high:g}, "
-    elif driver.name in ("weekday", "shift"):
-        span = f"{driver.name} {names[0] if first == last else ' to '.join(names)}, "
-    else:
-        span = f"{driver.name} {low:.4g} to {high:.4g} {driver.unit}, "
-    spans = [f"from {in_words(a)} to {in_words(b)}" for a, b in windows]
-    if len(spans) > 3:
-        spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
-    when = "on all days" if days.all() else f"on days {' and '.join(spans)}"
-    return Place(driver.name, low, high, value, se, p_value, windows, f"{span}{value:.3g} m3/s, {when}")
+    return Place(where, size, p_value, windows)
+
+
+def _mean(scores: Scores, chosen: Bools) -> float:
+    """Return the mean score of the chosen samples that count; 0 if none does."""
+    return float((scores.score * chosen).sum() / max((scores.used & chosen).sum(), 1))
+
+
+def _dates(scores: Scores, driver: Driver) -> Bools:
+    """Return the days (days,) of the largest departure by date."""
+    cut = segment(scores.score.sum(1), scores.used.sum(1), scores.block, rest="free")
+    if cut.found:
+        longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the longest one
+        apart = np.abs(cut.size - cut.size[longest])
+        other = apart > 2.0 * np.hypot(cut.size_se, cut.size_se[longest])
+        return np.repeat(other & (np.arange(len(other)) != longest), np.diff(cut.bounds))
+    _, _, first, last = _best_run(scores, driver, np.ones(len(scores.block), bool))
+    return np.asarray(_within(driver, first, last).any(1))
 
 
 def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
-    """Return days (days,) and the first and last bin of the largest departure."""
+    """Return days (days,) and the first and last bin of the largest departure of a driver but the date."""
     days = np.ones(len(scores.block), bool)
-    if driver.name == "date":
-        q = scores.information.sum(1)
-        cut = segment(scores.score.sum(1), q, scores.block, rest="free")
-        if cut.found:
-            longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the longest one
-            apart = np.abs(cut.size - cut.size[longest])
-            other = apart > 2.0 * np.hypot(cut.size_se, cut.size_se[longest])
-            return np.repeat(other & (np.arange(len(other)) != longest), np.diff(cut.bounds)), 0, 0
-        _, _, first, last = _best_run(scores, driver, days)
-        return np.asarray(_between(driver, first, last).any(1)), first, last
     first = last = 0
     for _ in range(3):  # refine dates and hours in turn
         _, sign, first, last = _best_run(scores, driver, days)
-        inside = _between(driver, first, last)
-        rest = ~(inside & days[:, None])
-        usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
-        g = ((scores.score - usual * scores.information) * inside).sum(1)
-        q = (scores.information * inside).sum(1)
-        if len(np.unique(scores.block[q > 0.0])) < FEWEST_BLOCKS:
+        inside = _within(driver, first, last)
+        usual = _mean(scores, ~(inside & days[:, None]))
+        g = ((scores.score - usual * scores.used) * inside).sum(1)
+        q = (scores.used & inside).sum(1)
+        if len(np.unique(scores.block[q > 0])) < FEWEST_BLOCKS:
             break  # too few blocks for separate dates
         cut = segment(g, q, scores.block, sign=sign)
         now = cut.mask if cut.found else np.ones_like(days)
@@ -316,7 +289,7 @@ def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, 
 
     A run has at most half of the information: the rest of a cycle is the same run with opposite sign.
     """
-    S, Q = (sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.information))
+    S, Q = (sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.used))
     k, total_S, total_Q = len(S), S.sum(), Q.sum()
     best = (0.0, 1, 0, 0)
     for first in range(k):
@@ -332,6 +305,6 @@ def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, 
     return best
 
 
-def _between(driver: Driver, first: int, last: int) -> Bools:
+def _within(driver: Driver, first: int, last: int) -> Bools:
     b = driver.bin
     return (b >= first) & (b <= last) if first <= last else (b >= first) | ((b >= 0) & (b <= last))

@@ -67,10 +67,9 @@ def set_points(record: Record) -> list[SetPoint]:
 
     Within a dead-band the mean level is not the set point, so offsets from it are tried too.
     """
-    kept = record.used & np.isfinite(record.output)
-    known = kept.any(axis=1)
-    total = np.where(kept, record.output, 0.0).sum(axis=1)
-    flow, level = day_flow(record)[known], total[known] / kept.sum(axis=1)[known]
+    known = record.used.any(axis=1)
+    read = np.where(record.used, record.output, np.nan)[known]
+    flow, level = day_flow(record)[known], np.nanmean(read, axis=1)
     best, least = None, np.inf
     for hinge in np.linspace(flow.min(), flow.max(), HINGES, endpoint=False).tolist():
         x = np.maximum(flow - hinge, 0.0)
@@ -93,7 +92,7 @@ def day_flow(record: Record) -> Floats:
 
 def moves(record: Record) -> Bools:
     """Return samples at which the outflow command is new and the level known, shape (days, n)."""
-    return np.asarray(_new(record) & record.used & np.isfinite(record.output))
+    return _new(record) & record.used
 
 
 def last_move(record: Record) -> NDArray[np.intp]:
@@ -110,7 +109,7 @@ def looks(record: Record, lag: int) -> tuple[float, float]:
     prompt either. Moves below it are checks that were due: their median distance is the time.
     """
     sample, last = np.arange(record.time.shape[1]), last_move(record)
-    before = np.concatenate([last[:, :1], last[:, :-1]], axis=1)
+    before = lagged(last, 1)
     seen = lagged(record.inflow, lag)
     waiting = np.abs(seen - np.take_along_axis(seen, before, axis=1))[record.used]
     acted, age = moves(record)[record.used], (sample - before)[record.used]
@@ -299,7 +298,7 @@ def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseM
     try:
         return fit_noise(
             residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,),
-            alone=start is not None,
+            alone=True,
         )  # fmt: skip
     except RividError:  # the law is exact
         floor = max(quantum, 1e-6)

@@ -16,6 +16,7 @@ and Gelman (2018, Bayesian Analysis 13, 917-1007, section 3.4).
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import lsq_linear
 from scipy.special import gammaln
 
 from rivid.types import Floats
@@ -26,12 +27,8 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
     """Compute r'r (days,), X'r (days, p) and X'X (days, p, p) of each day, for :func:`held_out`.
 
-    Parameters
-    ----------
-    r : ndarray, shape (days, n)
-        Whitened residual of the full fit, 0 where a sample is missing.
-    X : ndarray, shape (p, days, n)
-        Whitened columns: decrease of the residual per unit of each parameter.
+    r (days, n) is the whitened residual of the full fit, 0 where a sample is missing; X (p, days, n) are the
+    whitened columns, the decrease of the residual per unit of each parameter.
     """
     by_day = X.transpose(1, 0, 2)
     squares = np.einsum("dn,dn->d", r, r)
@@ -39,40 +36,21 @@ def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def held_out(
-    r_day: Floats,
+    r_day: Floats,  # this and the next two: results of :func:`information`
     g_day: Floats,
     G_day: Floats,
-    precision: ArrayLike,
-    blocks: ArrayLike,
-    weights: ArrayLike,
-    off: ArrayLike = 0.0,
-    within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),
+    precision: ArrayLike,  # (p,): prior precision of the parameters
+    blocks: ArrayLike,  # (days,)
+    weights: ArrayLike,  # (days,): of the days in the fit; a day of weight 0 is predicted by all others
+    off: ArrayLike = 0.0,  # (p,): end of the fit relative to the prior mean
+    within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),  # (p,): limits of the change of each parameter
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Predict each day by the fit without its block: squared innovations and log-determinant.
+    """Predict each day by the fit without its block.
 
-    Parameters
-    ----------
-    r_day, g_day, G_day : ndarray
-        Results of :func:`information`.
-    precision : array_like, shape (p,)
-        Prior precision of the parameters.
-    blocks : array_like of int, shape (days,)
-    weights : array_like, shape (days,)
-        Weights of the days in the fit; a day of weight 0 is predicted by all others.
-    off : array_like, shape (p,)
-        End of the fit relative to the prior mean.
-    within : (array_like, array_like), shape (p,)
-        Smallest and largest change of each parameter.
-
-    Returns
-    -------
-    squares, log_det : ndarray, shape (days,)
-        e' C^-1 e and log |C| of the innovations e of each day, C their covariance.
-    change : ndarray, shape (days, p)
-        Change of the parameters from the full fit to the fit without the block of each day.
-    errors : ndarray, shape (p,)
-        Standard errors of the parameters: those of the posterior, or of the jackknife over blocks with weight
-        if these are larger, as when a response fits blocks in different ways.
+    Returns e' C^-1 e and log |C| of the innovations e of each day (days,), C their covariance; the change of
+    the parameters from the full fit to the fit without the block of each day (days, p); and the standard
+    errors of the parameters (p,): those of the posterior, or of the jackknife over blocks with weight if
+    these are larger, as when a response fits blocks in different ways.
     """
     label, w = np.asarray(blocks), np.asarray(weights, float)
     scale = np.sqrt(np.asarray(precision, float))  # unit: prior standard deviation
@@ -107,8 +85,6 @@ def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
 
     If it were clipped afterwards, the step of all other parameters would be wrong.
     """
-    from scipy.optimize import lsq_linear
-
     x = np.linalg.solve(G, g)
     if ((x >= low) & (x <= high)).all():
         return np.asarray(x)
@@ -137,7 +113,6 @@ def probabilities(
     parts: float = 1.0,
     temper: float = 1.0,
     draws: int = 4000,
-    seed: int = 0,
 ) -> Floats:
     """Return the probability of each explanation (k,), from the log densities of blocks (k, blocks).
 
@@ -146,7 +121,7 @@ def probabilities(
     that acts in one block. The score of an explanation is tempered, its prior is not.
     """
     s = np.asarray(scores, float)
-    weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.full(s.shape[1], parts), draws)
+    weights = s.shape[1] * np.random.default_rng(0).dirichlet(np.full(s.shape[1], parts), draws)
     total = temper * (weights @ (s - s.max(axis=0)).T) + np.asarray(log_prior, float)
     total -= total.max(axis=1, keepdims=True)
     chance = np.exp(total)

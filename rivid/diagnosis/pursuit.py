@@ -1,4 +1,4 @@
-"""Compiled matching pursuit on whitened steps of flow; importing this module loads numba.
+"""Compiled matching pursuit on whitened steps of flow.
 
 An atom consists of whitened steps W_s, one for each sample s at which a flow may begin. A search needs only
 the Gram matrix of the steps and their products with the whitened row, so each atom costs n operations in a
@@ -209,7 +209,7 @@ def _fit(rows: Rows, K: int, c: Floats) -> float:
 def _wrong(rows: Rows, old: int, K: int, sign: int) -> bool:
     """Return whether a new event has a size of the wrong sign, or 0."""
     for k in range(old, K):
-        if sign * rows.size[k] < 0.0 or (sign != 0 and rows.size[k] == 0.0):
+        if sign != 0 and sign * rows.size[k] <= 0.0:
             return True
     return False
 
@@ -432,43 +432,23 @@ def _dropped(
 
 @njit(cache=True, error_model="numpy")
 def pursue(
-    steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: float, sign: int,
-    price: float, most: int, carried: Floats, timed: int, ends: bool,
-) -> tuple[Floats, float]:  # fmt: skip
+    steps: Steps,
+    c: Floats,  # (S,): products of the steps with the row
+    durations: Floats,  # (L,): possible durations of an event [samples]
+    unit: Floats,  # (L, S): 1 over the norms of the atoms; atoms with 0 are never chosen
+    low: Ints,  # (L,): first start to consider
+    apart: float,  # least distance of two starts [samples]
+    sign: int,  # of all sizes; 0 allows either
+    price: float,  # of an event [nats]
+    most: int,  # maximum number of new events
+    carried: Floats,  # (k, 4): events of the previous row: start, duration, size, standard error; no price
+    timed: int,  # 1: starts between samples as well; 2: events that the others can replace are removed
+    ends: bool,  # whether each event may have its own end time
+) -> tuple[Floats, float]:
     """Find the events of a whitened row, after those carried over from the previous row.
 
-    Parameters
-    ----------
-    steps : Steps
-    c : ndarray, shape (S,)
-        Products of the steps with the row.
-    durations : ndarray, shape (L,)
-        Possible durations of an event [samples].
-    unit : ndarray, shape (L, S)
-        1 over the norms of the atoms; atoms with 0 are never chosen.
-    low : ndarray of int, shape (L,)
-        First start to consider.
-    apart : float
-        Least distance of two starts [samples].
-    sign : {-1, 0, 1}
-        Sign of all sizes; 0 allows either.
-    price : float
-        Price of an event [nats].
-    most : int
-        Maximum number of new events.
-    carried : ndarray, shape (k, 4)
-        Events of the previous row: start, duration, size and its standard error; they have no price.
-    timed : {0, 1, 2}
-        1: starts between samples as well; 2: events are also removed if the others compensate for them.
-    ends : bool
-        Whether each event may have its own end time.
-
-    Returns
-    -------
-    events : ndarray, shape (k + new, 5)
-        Start, duration, size, its variance, and the log-likelihood lost without it, the others refitted.
-    gain : float
-        Gain of all over none, minus the prices of the new ones [nats].
+    Returns start, duration, size and its variance of each event, (k + new, 4), and the gain of all over none
+    minus the prices of the new ones [nats].
     """
     S, old = len(c), len(carried)
     room = old + most + 1
@@ -528,7 +508,7 @@ def pursue(
             K, gain = _dropped(steps, rows, K, old, c, sign, float(low.min()), ends, price, gain)
     variance = _variances(rows, K)
     kept = old
-    for k in range(old, K):  # exact: the log-likelihood is quadratic
+    for k in range(old, K):  # what is lost without it, exact: the log-likelihood is quadratic
         if 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300) >= price:
             if kept != k:
                 _put(rows, kept, rows.at[k], rows.D[k], steps)
@@ -537,8 +517,5 @@ def pursue(
         K = kept
         gain = _fit(rows, K, c)
         variance = _variances(rows, K)
-    found = np.empty((K, 5))
-    for k in range(K):
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = rows.at[k], rows.D[k], rows.size[k], variance[k]
-        found[k, 4] = 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300)
+    found = np.stack((rows.at[:K], rows.D[:K], rows.size[:K], variance), axis=1)
     return found, gain - price * (K - old)

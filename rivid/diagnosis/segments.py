@@ -20,13 +20,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rivid.diagnosis.noise.model import FEWEST_BLOCKS, block_inflation
-from rivid.errors import RividError
+from rivid.diagnosis.noise.model import block_inflation
 from rivid.types import Bools, Floats, Ints
 
 Rest = Literal["zero", "free"]
 MOST_SEGMENTS = 4
 """Maximum number of segments in the search for changes on simulated days without one."""
+
+SHORTEST = 2
+"""Days of the shortest segment with an effect."""
 
 EDGE = 3.68
 """Price of a window's end inside the season [nats]: the drop of the log-likelihood that contains a change
@@ -34,24 +36,16 @@ date with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 def partition(
-    score: ArrayLike,
-    information: ArrayLike,
-    penalty: float,
-    *,
-    rest: Rest,
-    sign: int = 0,
-    shortest: int = 1,
-    edge: float = 0.0,
+    g: Floats, q: Floats, penalty: float, *, rest: Rest, sign: int, shortest: int, edge: float
 ) -> tuple[Ints, Bools, float]:
     """Find the best segments, by exact dynamic programming over the first day of the last one.
 
-    Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. `score` and
-    `information` (days,) are g and q, 0 and 0 on a day without data. With `rest` "zero" the effect is absent
+    Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. Scores g and
+    informations q (days,) are 0 on a day without data. With `rest` "zero" the effect is absent
     outside windows, and windows have any size; with "free" it is always present, and its size changes. A
     window or a change costs the penalty [nats], an end of a window inside the season `edge` more. Sizes have
     the sign `sign`, any for 0; `shortest` is the number of days of the shortest segment with an effect.
     """
-    g, q = np.asarray(score, float), np.asarray(information, float)
     n = len(g)
     best, begin = np.full(n + 1, -np.inf), np.zeros(n + 1, np.int64)
     best[0] = 0.0
@@ -64,20 +58,16 @@ def partition(
             a = int(np.argmax(total))
             if total[a] > best[t]:
                 best[t], begin[t] = total[a], a
-    pieces: list[tuple[int, bool]] = []
-    t = n
+    ends, there, t = {0, n}, np.zeros(n, bool), n
     while t > 0:
-        on = begin[t] >= 0
-        a = int(begin[t]) if on else t - 1
-        if on or not pieces or pieces[-1][1]:
-            pieces.append((a, bool(on)))
-        else:
-            pieces[-1] = (a, False)
+        a = int(begin[t]) if begin[t] >= 0 else t - 1
+        if begin[t] >= 0:
+            ends |= {a, t}
+            there[a:t] = True
         t = a
-    pieces.reverse()
     none = 0.0 if rest == "zero" else float(gain[0, 0]) - penalty
-    bounds = np.array([a for a, _ in pieces] + [n], np.int64)
-    return bounds, np.array([on for _, on in pieces]), float(best[n]) - none
+    bounds = np.array(sorted(ends), np.int64)
+    return bounds, there[bounds[:-1]], float(best[n]) - none
 
 
 def gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
@@ -126,21 +116,17 @@ def segment(
     *,
     rest: Rest = "zero",
     sign: int = 0,
-    shortest: int = 2,
     level: float = 0.01,
     draws: int = 499,
     seed: int = 0,
 ) -> Segments:
     """Divide days at dates on which an effect begins, ends or changes; arguments as of :func:`partition`.
 
-    Days of one block are correlated, blocks hardly. `level` is the share of seasons without an effect that
-    are divided nevertheless, estimated from `draws` simulated ones.
+    Days of one block are correlated, blocks hardly; :data:`~rivid.diagnosis.noise.model.FEWEST_BLOCKS` with
+    data are needed. `level` is the share of seasons without an effect that are divided nevertheless,
+    estimated from `draws` simulated ones.
     """
     g, q, block = np.asarray(score, float), np.asarray(information, float), np.asarray(blocks)
-    there = np.unique(block[q > 0.0])
-    if len(there) < FEWEST_BLOCKS:
-        raise RividError(f"{len(there)} blocks have data: expected {FEWEST_BLOCKS} or more; "
-                         "give more days or shorter blocks")  # fmt: skip
     inflation, correlation = block_inflation(g[None], q, block)
     c, rho = float(inflation[0]), float(correlation[0])
     rng = np.random.default_rng(seed)
@@ -148,19 +134,17 @@ def segment(
     quiet = np.sqrt(q) * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * rng.standard_normal((draws, len(g))))
     # Each draw has its own inflation, as the data have: the limit includes the error of this estimate.
     edge = EDGE if rest == "zero" else 0.0
-    worst = np.sort(_limits(quiet, q, rest, sign, shortest, edge, block_inflation(quiet, q, block)[0]))
+    worst = np.sort(_limits(quiet, q, rest, sign, edge, block_inflation(quiet, q, block)[0]))
     rank = max(1, int(level * (draws + 1)))  # the rank-th largest value is exceeded with probability `level`
     penalty = c * float(worst[-rank])
-    bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge * c)
+    bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=SHORTEST, edge=edge * c)
     total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
     some, divisor = on & (total_q > 0), np.where(total_q > 0, total_q, 1.0)
     size, se = np.where(some, total_g / divisor, 0.0), np.where(some, np.sqrt(c / divisor), 0.0)
     return Segments(bounds, size, se, on, gain)
 
 
-def _limits(
-    g: Floats, q: Floats, rest: Rest, sign: int, shortest: int, edge: float, inflation: Floats
-) -> Floats:
+def _limits(g: Floats, q: Floats, rest: Rest, sign: int, edge: float, inflation: Floats) -> Floats:
     """Return the lowest penalty at which each draw (draws, days) is not divided [nats over its inflation].
 
     Several windows gain at most their number times the gain of the best one, which therefore decides. Gains
@@ -172,15 +156,15 @@ def _limits(
     if rest == "zero":
         worst = np.zeros(draws)
         for t, gain in gains(scaled, q, sign):
-            if t >= shortest:
-                paid = gain[:, : t - shortest + 1] - inside(t, n, shortest) * edge
+            if t >= SHORTEST:
+                paid = gain[:, : t - SHORTEST + 1] - inside(t, n, SHORTEST) * edge
                 np.maximum(worst, paid.max(1), out=worst)
         return worst
     best = np.full((MOST_SEGMENTS, draws, n + 1), -np.inf)
     for t, gain in gains(scaled, q, sign):
-        if t >= shortest:
+        if t >= SHORTEST:
             best[0, :, t] = gain[:, 0]
             for k in range(1, MOST_SEGMENTS):
-                best[k, :, t] = (best[k - 1, :, : t - shortest + 1] + gain[:, : t - shortest + 1]).max(1)
+                best[k, :, t] = (best[k - 1, :, : t - SHORTEST + 1] + gain[:, : t - SHORTEST + 1]).max(1)
     changes = np.arange(1, MOST_SEGMENTS)[:, None]
     return np.asarray(np.maximum(((best[1:, :, n] - best[0, :, n]) / changes).max(0), 0.0))

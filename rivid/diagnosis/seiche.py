@@ -163,8 +163,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     Returns None if it is too wide or too steady. An oscillation of the outflow looks the same if the gauge is
     at the dam, but that of a governor is either regular, or ends while the gates are held.
     """
-    noise = base.model.noise
-    assert noise is not None
+    noise = base.noise
     day = slice(record.lead, None)
     seen = np.where(record.used, base.residual, np.nan)
     innovations = noise.whiten(seen, activity=record.activity)[:, day]
@@ -180,9 +179,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
         return None
     made, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
     period, damping = float(getattr(made, "period")), float(getattr(made, "damping"))  # noqa: B009
-    if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
-        return None
-    if contrast < LEAST_CONTRAST:
+    if not LEAST_DAMPING <= damping <= 0.99 * WIDEST / period or contrast < LEAST_CONTRAST:
         return None
     if abs(np.log(_in_quiet(record, seen, noise, period))) > np.log(STEADY):
         return None  # it depends on the flows: waves of the reach that the response lacks

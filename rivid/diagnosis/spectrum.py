@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import rfft
 
-from rivid.errors import RividError
-from rivid.types import DAY, Floats
+from rivid.types import DAY, Bools, Floats
 
 KNOTS = 24
 """Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
@@ -24,39 +24,20 @@ FEWEST = 30
 
 
 def spectrum(
-    innovations: ArrayLike,
-    used: ArrayLike,
-    sample_time: float,
-    *,
-    weights: ArrayLike | None = None,
-    level: float = 0.01,
-    draws: int = 199,
-    seed: int = 0,
-) -> tuple[float, float, float, Floats]:
-    """Find the largest line in the spectrum of innovations (days, n), and a limit for it.
+    innovations: Floats, used: Bools, sample_time: float, weights: Floats, *, level: float = 0.01,
+    draws: int = 199, seed: int = 0,
+) -> tuple[float, float, float] | None:  # fmt: skip
+    """Find the largest line in the spectrum of innovations (days, n): period [s], ratio, and its limit.
 
-    Days are averaged by their weights (days,). `level` is the probability that the limit is exceeded if no
-    line is there: 0.01 needs 99 draws of the bootstrap or more.
-
-    Returns
-    -------
-    period : float
-        Period of the largest line [s].
-    ratio : float
-        Its power over the local median.
-    limit : float
-        Ratio that white innovations exceed with probability `level`.
-    power : ndarray, shape (m,)
-        Average periodogram over that of white innovations, longest period first.
+    The ratio is its power over the local median; white innovations exceed the limit with the probability
+    `level`. Days are averaged by their weights (days,). Returns None if no day with a weight has
+    :data:`FEWEST` used samples.
     """
-    r, there = np.asarray(innovations, float), np.asarray(used, bool)
-    weight = np.ones(len(r)) if weights is None else np.asarray(weights, float)
-    if (rank := int(level * (draws + 1))) < 1:
-        raise RividError(f"{draws} draws give no limit at {level:g}: expected {int(1 / level)} or more")
-    rows = (there.sum(1) >= FEWEST) & (weight > 0.0)
+    rows = (used.sum(1) >= FEWEST) & (weights > 0.0)
     if not rows.any():
-        raise RividError(f"no day has {FEWEST} used samples and a weight: nothing to take a spectrum of")
-    r, there, weight = np.where(there, r, 0.0)[rows], there[rows], weight[rows] / weight[rows].sum()
+        return None
+    r, there = np.where(used, innovations, 0.0)[rows], used[rows]
+    weight = weights[rows] / weights[rows].sum()
     n = r.shape[1]
     white = np.random.default_rng(seed)
     quiet = np.stack([
@@ -67,16 +48,18 @@ def spectrum(
     kept = (frequency >= 0.999 / min(DAY, n * sample_time)) & (frequency <= 0.5 / sample_time)
     # The day's mean is removed and gaps smear: the bootstrap gives the expected power at each frequency.
     expected = quiet[:, kept].mean(0)
-    power = _power(r, there.astype(float), weight)[kept] / expected
-    ratio = power / _local_median(power[None])[0]
-    largest = np.sort((quiet[:, kept] / expected / _local_median(quiet[:, kept] / expected)).max(1))
+    powers = np.concatenate([_power(r, there.astype(float), weight)[None], quiet])[:, kept] / expected
+    ratio, *others = powers / _local_median(powers)
     peak = int(np.argmax(ratio))
-    return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-rank]), power
+    largest = np.sort(np.max(others, axis=1))
+    return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-int(level * (draws + 1))])
 
 
 BIN = 1800.0
-"""Length of the averages of a series in which a rhythm is sought [s]."""
-SHORTEST = 4.0 * BIN
+"""Length of the averages of a series in which a rhythm is sought [s], or one sample if this is longer."""
+BINS = 4.0
+"""Averages in the shortest period of a rhythm."""
+SHORTEST = BINS * BIN
 """Shortest period of a rhythm [s]."""
 CYCLES = 3.0
 """Fewest cycles of a period in a record."""
@@ -103,18 +86,18 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     A sample that occurs twice, as in lead times, must be used once only. A line exceeds the multiple of the
     local median that white noise with the same gaps exceeds with the probability :data:`CHANCE`.
     """
-    from scipy.fft import rfft
-
     there = np.asarray(used, bool)
-    at, y = np.asarray(time, float)[there], np.asarray(series, float)[there]
+    clock = np.asarray(time, float)
+    at, y = clock[there], np.asarray(series, float)[there]
     if not len(at):
         return None
-    bins = ((at - at.min()) // BIN).astype(np.intp)
+    step = float(np.diff(clock[0]).max(initial=BIN))
+    bins = ((at - at.min()) // step).astype(np.intp)
     counts = np.bincount(bins)
     m = len(counts)
     means = np.bincount(bins, y) / np.maximum(counts, 1)
-    frequency = np.arange(m + 1) / (2.0 * m * BIN)
-    kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 1.0 / SHORTEST)
+    frequency = np.arange(m + 1) / (2.0 * m * step)
+    kept = (frequency >= CYCLES / (m * step)) & (frequency <= 1.0 / (BINS * step))
     if kept.sum() < 2 * NEAREST:
         return None
     # Remove the memory of weather, so that the spectrum is flat about a line.
@@ -133,29 +116,25 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
         return None
     found = frequency[best]
     for times in HARMONICS:
-        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * BIN)
+        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * step)
         if (ratio[near] > limit).any():
             best = int(np.argmax(np.where(near, ratio, 0.0)))
     low, top, high = np.log(powers[0][np.clip([best - 1, best, best + 1], 0, len(frequency) - 1)])
     between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # vertex of a parabola through the line
-    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * BIN)))
-    return Rhythm(period, period**2 / (2.0 * m * BIN), m * BIN / SHORTEST)
-
-
-def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
-    """Return days (days, n) without their mean and with mean square 1, so that no single day dominates."""
-    many = there.sum(1, keepdims=True)
-    z = (r - (r * there).sum(1, keepdims=True) / many) * there
-    return np.asarray(z / np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30)))
+    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * step)))
+    return Rhythm(period, period**2 / (2.0 * m * step), m / BINS)
 
 
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
-    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
-    from scipy.fft import rfft
+    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window.
 
-    n = r.shape[1]
+    Days have their mean subtracted and the mean square 1, so that no single day dominates.
+    """
+    n, many = r.shape[1], there.sum(1, keepdims=True)
+    z = (r - (r * there).sum(1, keepdims=True) / many) * there
+    z /= np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30))
     window = np.hanning(n).astype(r.dtype)
-    lines = rfft(_unit(r, there) * window, 2 * n, axis=1)
+    lines = rfft(z * window, 2 * n, axis=1)
     share = weight / np.maximum((there * window**2).sum(1), 1e-30)
     return np.asarray(share @ (lines.real**2 + lines.imag**2), float)
 
@@ -166,11 +145,7 @@ def _local_median(power: NDArray[Any]) -> Floats:
     at = np.unique(np.geomspace(1, m, KNOTS).astype(int)) - 1
     low = np.clip(np.minimum(at // 2, at - NEAREST), 0, None)
     high = np.clip(np.maximum(2 * at, at + NEAREST), None, m - 1)
-    medians = np.stack(
-        [np.median(power[:, a : b + 1], axis=1) for a, b in zip(low, high, strict=True)], axis=1
-    )
-    position = np.log1p(np.arange(m))
-    knots = np.log1p(at)
-    right = np.clip(np.searchsorted(knots, position), 1, len(knots) - 1)
-    share = (position - knots[right - 1]) / (knots[right] - knots[right - 1])
-    return np.asarray(np.exp(np.log(medians[:, right - 1]) * (1 - share) + np.log(medians[:, right]) * share))
+    windows = zip(low, high, strict=True)
+    medians = np.stack([np.median(power[:, a : b + 1], axis=1) for a, b in windows], axis=1)
+    between = [np.interp(np.log1p(np.arange(m)), np.log1p(at), row) for row in np.log(medians)]
+    return np.exp(between)

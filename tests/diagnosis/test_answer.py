@@ -133,20 +133,21 @@ def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
     assert found.parameters[0].low < band < found.parameters[0].high
 
 
-def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12)):
-    """Return the remainder if the likeliest explanation has events without a name, starting in these rows."""
-    events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, 50.0, False) for day in rows)
+def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12), evidence=EVIDENCE):
+    """What is left where the likeliest explanation has events without a name, which begin in these rows."""
+    events = tuple(Event(day, 36_000.0, hours * 3600.0, 40.0, 1.0, False) for day in rows)
     one = SimpleNamespace(kind=SimpleNamespace(name="", shape=shape), events=events)
-    days = EVIDENCE.record.days
+    days = evidence.record.days
+    noise = dataclasses.replace(NOISE, sample_time=evidence.record.sample_time)
     last = SimpleNamespace(
-        residual=EVIDENCE.residual_after, noise=NOISE, weights=np.ones(days), effects=(), events=(one,),
+        residual=evidence.residual_after, noise=noise, weights=np.ones(days), effects=(), events=(one,),
         unknown="flow",
     )  # fmt: skip
     study = SimpleNamespace(
-        record=EVIDENCE.record, split=SimpleNamespace(block=np.arange(days)), last=last, start=(),
+        record=evidence.record, split=SimpleNamespace(block=np.arange(days)), last=last, start=(),
         ranking=[(last, 1.0)],
     )  # fmt: skip
-    return _unknown(study, EVIDENCE)
+    return _unknown(study, evidence)
 
 
 def test_pulses_give_the_days_of_what_is_left_unless_they_fill_the_time():
@@ -161,11 +162,15 @@ def test_pulses_give_the_days_of_what_is_left_unless_they_fill_the_time():
     assert jumps.drivers[0] == "4 jumps of the reading, of 40 m at most" and jumps.where.dates is None
 
 
+def test_samples_of_an_hour_are_too_few_for_a_swing_and_no_failure():
+    found = left_of(evidence=evidence_of(record_of(days=20, n=24)))
+    assert found.drivers[0].startswith("4 pulses") and not any("swing" in what for what in found.drivers)
+
+
 def test_a_place_with_several_windows_gives_their_span_once(monkeypatch):
     dates = EVIDENCE.record.dates
     windows = (dates[2], dates[4]), (dates[9], dates[14])
-    text = "discharge 283.2 to 365.3 m3/s, -6.11 m3/s, on days from 3 May to 5 May and from 10 May to 15 May"
-    place = Place("discharge", 283.2, 365.3, -6.11, 0.5, 0.004, windows, text)
+    place = Place("discharge 283.2 to 365.3 m3/s", -6.11, 0.004, windows)
     monkeypatch.setattr(answer, "strongest", lambda *given: place)
     found = left_of(rows=())
     assert found.where.dates == (dates[2], dates[14]) and found.where.regime == "at 2 times"

@@ -12,13 +12,14 @@ from rivid.diagnosis.events import (
     Form,
     Kind,
     Rows,
+    at_lags,
     extended,
     find_events,
-    response,
     size_variation,
     timetable,
 )
 from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.pursuit import receding
 from tests.diagnosis import sizes
 
 T, N, A = 133.0, 400, 2e6
@@ -36,6 +37,18 @@ ARRIVAL = 1.0 - np.exp(-np.clip(np.arange(N) - 10.0, 0, None) / 8.0)
 LOCK = Kind("lock", "pulse", -1, HERE)
 RELEASE = Kind("release", "pulse", 1, FAR)
 RAIN = Kind("rain", "recession", 1, FAR)
+
+
+def response(kernel, shape, samples, length, rise=0):
+    """The response (length,) to a unit pulse or recession that starts at 0."""
+    h = extended(kernel, length)
+    if shape == "pulse":
+        return h - at_lags(h, np.arange(length, dtype=float) - samples)
+    return receding(h[::-1, None].copy(), samples, rise)[::-1, 0]
+
+
+def lasting(found):
+    return np.median([e.duration_s for e in found.events])
 
 
 def planted(seed, days, kind, samples, starts, size, noise=NOISE, n=N, rise=0):
@@ -161,7 +174,7 @@ def test_planted_events_are_found_with_time_and_size(noise, kind, samples, size,
     for seed in range(seasons):
         z, truth = planted(seed, 12, kind, samples, starts, size, noise)
         found = find_events(z, noise.whiten, kind, T, refine=False)
-        assert found.duration_s == duration
+        assert lasting(found) == duration
         many += len(found.events) - len(truth)
         for d, k, a in truth:
             e = min((e for e in found.events if e.day == d), key=lambda e: abs(e.start_s / T - k))
@@ -198,7 +211,7 @@ def test_durations_are_refined_beyond_the_grid(duration, seeds):
     """Locks at random times may overlap; 30 m3/s lower the pool by 6 cm in 25 min."""
     for seed in range(seeds):
         found, at, starts = locks(seed, 12, 7.0 if duration < 5000.0 else 3.0, [duration])
-        assert found.duration_s == pytest.approx(duration, rel=0.06)
+        assert lasting(found) == pytest.approx(duration, rel=0.06)
         off = np.abs(at - starts[:, None]).min(axis=1)
         assert np.mean(off < 300.0) > 0.88 and np.median(off) < 0.5 * T
         assert len(found.events) == pytest.approx(len(starts), rel=0.15)
@@ -227,7 +240,7 @@ def test_recession_and_rise_of_rain_are_refined(rise, recession, seeds):
         found = find_events(z, NOISE.whiten, RAIN, T)
         assert len(found.events) == 12
         assert found.rise_s == pytest.approx(3600.0 * rise, abs=T)
-        assert found.duration_s == pytest.approx(3600.0 * recession, rel=0.1)
+        assert lasting(found) == pytest.approx(3600.0 * recession, rel=0.1)
         assert np.mean([e.size for e in found.events]) == pytest.approx(60.0, rel=0.05)
         assert (
             np.median([abs(e.start_s / T - k) for e, (_, k, _) in zip(found.events, truth, strict=True)])
@@ -321,7 +334,7 @@ def test_rain_is_not_a_release_and_down_is_not_up():
 def test_close_events_are_separated_and_timed_from_midnight():
     z, _ = planted(3, 6, LOCK, 14, lambda rng: (100, 121, 142), 60.0)
     found = find_events(z, NOISE.whiten, LOCK, T, lead=43, refine=False)
-    assert found.duration_s == 1800.0 and len(found.events) == 18
+    assert lasting(found) == 1800.0 and len(found.events) == 18
     for d in range(6):
         starts = [k for day, k in starts_of(found) if day == d]
         assert (np.diff(starts) >= 14).all()
@@ -329,7 +342,7 @@ def test_close_events_are_separated_and_timed_from_midnight():
 
 
 def events_at(hours, days, size=20.0, se=1.0):
-    return [Event(d, h * 3600.0, 1800.0, size, se, 30.0, False) for d, h in zip(days, hours, strict=True)]
+    return [Event(d, h * 3600.0, 1800.0, size, se, False) for d, h in zip(days, hours, strict=True)]
 
 
 def test_starts_at_fixed_hours_are_a_timetable():
@@ -363,7 +376,7 @@ def test_starts_at_random_are_a_timetable_no_more_often_than_the_level(seasons):
 def test_events_of_one_day_or_under_way_make_no_timetable():
     one_day = events_at([7.0, 7.1, 7.2], [0, 0, 0])
     assert timetable(one_day)[0] == 1.0
-    late = [Event(d, -3600.0, 1800.0, 20.0, 1.0, 30.0, True) for d in range(9)]
+    late = [Event(d, -3600.0, 1800.0, 20.0, 1.0, True) for d in range(9)]
     assert timetable(late)[0] == timetable([])[0] == 1.0
 
 
@@ -373,7 +386,6 @@ def test_sizes_are_as_different_as_they_are_beyond_their_errors():
     assert size_variation(alike) < 0.08
     mixed = [events_at([8.0], [d], 20.0 + 10.0 * rng.standard_normal(), 1.0)[0] for d in range(400)]
     assert size_variation(mixed) == pytest.approx(0.5, abs=0.06)
-    assert np.isnan(size_variation(alike[:1]))
 
 
 JUMP = Kind("jump", "jump", 0, np.ones(N))

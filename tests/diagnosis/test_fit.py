@@ -13,7 +13,7 @@ from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fits, fit
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import step_within
-from rivid.diagnosis.response.base import FreeParameter, placed, vector_of
+from rivid.diagnosis.response.base import FreeParameter, Response, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.workflow import CHAINS
 from rivid.effects import CATALOGUE
@@ -37,8 +37,7 @@ class Curve:
     surface_area: None = None
     name: str = field(default="curve", init=False)
 
-    def with_parameters(self, vector):
-        return replace(self, parameters=placed(self.parameters, vector))
+    with_parameters = Response.with_parameters
 
     def baseline(self, record, changes=NO_CHANGES):
         a, b = (p.value for p in self.parameters)
@@ -322,7 +321,7 @@ TRUTH = {
 
 def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noise():
     record = season(6, days=9)
-    dealt = split(record.days)
+    dealt = split(record.dates)
     start = few(record, length=8200 * 0.97, width=81.6 * 1.04, depth=0.8 * DEPTH, slope=1e-4, manning=0.036)
     model = Model(start, None, record.usual_output, record.usual_flow, 0.0)
     found = scored(fitted(model, record, np.ones(9, bool), fresh=8), record, dealt.block, 100.0)

@@ -7,7 +7,6 @@ import pytest
 
 from rivid.diagnosis.noise.model import block_inflation
 from rivid.diagnosis.segments import partition, segment
-from rivid.errors import RividError
 from tests.diagnosis import sizes
 
 DAYS, BLOCK = 60, 3
@@ -152,8 +151,3 @@ def test_days_without_data_belong_to_no_side():
     found = segment((x + 4.0 * there) * q, q, block)
     assert len(windows(found)) == 1 and windows(found)[0][1] == DAYS - 1
     assert 23 <= found.bounds[1] <= 33  # a large score on day 23 may count as the effect
-
-
-def test_too_few_blocks_are_refused():
-    with pytest.raises(RividError, match="5 blocks have data: expected 8 or more"):
-        segment(np.ones(15), np.ones(15), np.arange(15) // 3)

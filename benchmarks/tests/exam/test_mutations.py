@@ -43,10 +43,11 @@ def test_a_mutated_diagnosis_answers(mutation):
 def test_days_instead_of_blocks_deals_single_days_wherever_blocks_are_dealt():
     places = importers(BLOCKS)
     assert BLOCKS in places and "rivid.diagnosis.workflow.split" in places
-    usual = workflow.split(10)
+    dates = np.datetime64("2024-05-01") + np.arange(10)
+    usual = workflow.split(dates)
     with MUTATIONS["days instead of blocks"]():
-        assert np.unique(workflow.split(10).block).size == 10
-    np.testing.assert_array_equal(workflow.split(10).block, usual.block)
+        assert np.unique(workflow.split(dates).block).size == 10
+    np.testing.assert_array_equal(workflow.split(dates).block, usual.block)
     assert workflow.split is blocks.split and np.unique(usual.block).size < 10
 
 

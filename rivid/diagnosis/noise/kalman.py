@@ -11,7 +11,6 @@ Koopman, Time series analysis by state space methods, ch. 5).
 
 A sample depends on the one before it; days are independent. The innermost loops of all compiled functions
 here therefore run over days or columns. Arrays along which they run have a row for each sample: (n, days).
-Importing this module loads numba.
 """
 
 from typing import NamedTuple
@@ -45,8 +44,6 @@ class System(NamedTuple):
 def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
     """Return a residual (days, n) with zeros for missing samples (NaN), and which samples are present."""
     z = np.asarray(residual, float)
-    if z.ndim != 2 or z.size == 0:
-        raise RividError(f"residual has shape {z.shape}: expected (days, n)")
     there = ~np.isnan(z)
     values = np.where(there, z, 0.0)
     if not np.isfinite(values).all():
@@ -58,14 +55,9 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
     """Compute the gains of each day; `there` (n, days) marks samples present, `activity` (n, days) [m2].
 
-    Returns
-    -------
-    K : ndarray, shape (3, n, days)
-        Gains of x, w and s.
-    S : ndarray, shape (n, days)
-        Innovation variances; 0 where a sample is missing or only sets the start.
-    P : ndarray, shape (6, n, days), or (6, 0, days) unless `keep`
-        Filtered covariances: xx, xw, xs, ww, ws, ss.
+    Returns the gains K of x, w and s (3, n, days); the innovation variances S (n, days), 0 where a sample is
+    missing or only sets the start; and, with `keep`, the filtered covariances P xx, xw, xs, ww, ws and ss
+    (6, n, days), else (6, 0, days).
     """
     n, days = there.shape
     c, phi, psi, gauge = m.c, m.phi, m.psi, m.gauge
@@ -240,57 +232,48 @@ def filtered(Z: Floats, K: Floats, m: System) -> tuple[Floats, Floats]:
 def smoothed(
     states: Floats, v: Floats, there: Bools, K: Floats, S: Floats, P: Floats, m: System
 ) -> tuple[Floats, Floats]:
-    """Compute states given the whole day (days, n, 3), and their variances (days, n, 3).
+    """Compute the unknown inflow given the whole day and its variance, (days, n) each.
 
-    This is the Rauch-Tung-Striebel smoother in the form that inverts no covariance: with r and N accumulated
-    backwards from the innovations, the mean is the filtered one + P F' r and the covariance P - P F' N F P.
-    Before the first sample x is as unknown as at its start, and only the memories of w and s run backwards;
-    the variance of x is not computed there (NaN). Arguments as of :func:`filtered` and from :func:`gains`.
+    It is w, or s of a river reach. This is the Rauch-Tung-Striebel smoother in the form that inverts no
+    covariance: with r and N accumulated backwards from the innovations, the mean is the filtered one + P F' r
+    and the covariance P - P F' N F P. Before the first sample of a pool, only the memory of w runs backwards.
+    Arguments as of :func:`filtered` and from :func:`gains`.
     """
     days, n = v.shape
-    mean, variance = np.empty((days, n, 3)), np.empty((days, n, 3))
+    mean, variance = np.empty((days, n)), np.empty((days, n))
     for d in range(days):
         first = 0
         if m.diffuse:
             while first < n and not there[first, d]:
                 first += 1
-        _variances(variance[d], first, K[:, :, d], S[:, d], P[:, :, d], m)
-        _means(mean[d], states[d], v[d], first, K[:, :, d], S[:, d], P[:, :, d], m)
+        _variances(variance[d], first, S[:, d], K[:, :, d], P[:, :, d], m)
+        _means(mean[d], states[d], v[d], first, S[:, d], K[:, :, d], P[:, :, d], m)
     return mean, variance
 
 
 @njit(cache=True, error_model="numpy")
 def _means(
-    mean: Floats, states: Floats, v: Floats, first: int, K: Floats, S: Floats, P: Floats, m: System
+    out: Floats, states: Floats, v: Floats, first: int, S: Floats, K: Floats, P: Floats, m: System
 ) -> None:
-    """Write the states of one day (n, 3) given all of it."""
+    """Write the unknown inflow of one day (n,) given all of it."""
     n = len(v)
-    if first == n:
-        mean[:, 0], mean[:, 1], mean[:, 2] = np.nan, 0.0, 0.0
-        return
+    here, (a, b, c) = (1, (1, 3, 4)) if m.diffuse else (2, (2, 4, 5))  # its state and row of P
     r0 = r1 = r2 = 0.0
     for k in range(n - 1, first - 1, -1):
         r0, r1, r2 = r0, m.c * r0 + m.phi * r1, m.psi * r2  # F' r
-        xx, xw, xs, ww, ws, ss = P[0, k], P[1, k], P[2, k], P[3, k], P[4, k], P[5, k]
-        mean[k, 0] = states[k, 0] + (xx * r0 + xw * r1 + xs * r2)
-        mean[k, 1] = states[k, 1] + (xw * r0 + ww * r1 + ws * r2)
-        mean[k, 2] = states[k, 2] + (xs * r0 + ws * r1 + ss * r2)
+        out[k] = states[k, here] + (P[a, k] * r0 + P[b, k] * r1 + P[c, k] * r2)
         if S[k] > 0.0:
             read = v[k] / S[k] - (K[0, k] * r0 + K[1, k] * r1 + K[2, k] * r2)
             r0, r2 = r0 + read, r2 + read
     for k in range(first - 1, -1, -1):
-        mean[k, 1] = m.phi * mean[k + 1, 1]
-        mean[k, 2] = m.psi * mean[k + 1, 2]
-        mean[k, 0] = mean[k + 1, 0] - m.c * mean[k, 1]
+        out[k] = m.phi * out[k + 1] if k < n - 1 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _variances(out: Floats, first: int, K: Floats, S: Floats, P: Floats, m: System) -> None:
-    """Write the variances of these states (n, 3), which depend on the gaps alone."""
+def _variances(out: Floats, first: int, S: Floats, K: Floats, P: Floats, m: System) -> None:
+    """Write its variance (n,), which depends on the gaps alone."""
     n = len(S)
-    if first == n:
-        out[:, 0], out[:, 1], out[:, 2] = np.nan, m.inflow, m.level
-        return
+    here = 1 if m.diffuse else 2
     F = np.array([[1.0, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
     H = np.array([1.0, 0.0, 1.0])
     N = np.zeros((3, 3))
@@ -301,14 +284,10 @@ def _variances(out: Floats, first: int, K: Floats, S: Floats, P: Floats, m: Syst
         V[0, 2] = V[2, 0] = P[2, k]
         V[1, 2] = V[2, 1] = P[4, k]
         back = F @ V  # its transpose is P F'
-        given = V - back.T @ N @ back
-        for i in range(3):
-            out[k, i] = max(given[i, i], 0.0)
+        out[k] = max((V - back.T @ N @ back)[here, here], 0.0)
         N = F.T @ N @ F
         if S[k] > 0.0:
             L = np.eye(3) - np.outer(K[:, k].copy(), H)
             N = L.T @ N @ L + np.outer(H, H) / S[k]
     for k in range(first - 1, -1, -1):
-        out[k, 0] = np.nan
-        out[k, 1] = m.phi**2 * out[k + 1, 1] + (1.0 - m.phi**2) * m.inflow
-        out[k, 2] = m.psi**2 * out[k + 1, 2] + (1.0 - m.psi**2) * m.level
+        out[k] = m.phi**2 * out[k + 1] + (1.0 - m.phi**2) * m.inflow if k < n - 1 else m.inflow

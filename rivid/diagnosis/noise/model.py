@@ -15,37 +15,36 @@ constant inflow is not absorbed. The fit starts from several models: one start c
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+from scipy.signal import lfilter
 
+from rivid.diagnosis.noise.kalman import (
+    System,
+    filtered,
+    gains,
+    gather,
+    innovations,
+    log_likelihoods,
+    smoothed,
+)
 from rivid.errors import RividError
 from rivid.types import Bools, Floats
 
-if TYPE_CHECKING:
-    from rivid.diagnosis.noise.kalman import System
-
 
 class Smoothed(NamedTuple):
-    """Estimates of the hidden states from whole days; arrays of shape (days, n)."""
+    """The unknown inflow w given whole days, for a river reach s; arrays of shape (days, n)."""
 
-    inflow: Floats  # unknown inflow w and its standard deviation [m3/s]; s for a river reach
-    inflow_sd: Floats
-    # Level error x [m], without gauge noise and wind; NaN on a day without samples. For a river, s [m3/s].
-    level: Floats
-    wind: Floats  # noise of the level s [m]; for a river reach [m3/s]
+    inflow: Floats  # [m3/s]
+    inflow_sd: Floats  # its standard deviation [m3/s]
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """The noise of one reach: a linear filter, the same for all days with the same gaps.
-
-    Raises
-    ------
-    RividError
-        If a value is out of range.
-    """
+    """The noise of one reach: a linear filter, the same for all days with the same gaps."""
 
     gauge_sd: float  # white gauge noise e [m]; for a river reach [m3/s]
     walk_sd: float  # standard deviation of the steps v of the random walk [m per sample]
@@ -90,11 +89,7 @@ class NoiseModel:
         0 by default. The result is 0 at missing samples and, for a pool, at the first one of each day, which
         only sets x.
         """
-        from rivid.diagnosis.noise.kalman import gather, innovations
-
         given = np.asarray(columns, float)
-        if given.ndim < 2:
-            raise RividError(f"columns have shape {given.shape}: expected (..., days, n)")
         stack = np.ascontiguousarray(given.reshape(-1, *given.shape[-2:]))
         _, there = gather(stack.sum(0) if like is None else like)
         if stack.shape[1:] != there.shape:
@@ -114,19 +109,13 @@ class NoiseModel:
 
         For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
         """
-        from rivid.diagnosis.noise.kalman import gather, log_likelihoods
-
         z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
-        if z.ndim == 2 and z.size:
-            moved = _moved(activity, z.shape)
-            found = np.asarray(
-                log_likelihoods(np.ascontiguousarray(z.T), moved, np.array([numbers]), diffuse)[0]
-            )
-            if np.isfinite(found).all():
-                return found
-        gather(z)  # raises if infinite or of another shape
-        raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
+        moved = _moved(activity, z.shape)
+        found = log_likelihoods(np.ascontiguousarray(z.T), moved, np.array([numbers]), diffuse)[0]
+        if not np.isfinite(found).all():
+            raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
+        return np.asarray(found)
 
     def forecast_errors(
         self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30,
@@ -139,18 +128,8 @@ class NoiseModel:
         every, ... with a target in the row. Shape (days, origins); NaN where the target is missing, or for a
         pool without a sample up to the origin.
         """
-        from scipy.signal import lfilter
-
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather
-
         values, there = gather(residual)
-        n = values.shape[1]
-        if horizon < 1 or every < 1 or first < 0 or first + horizon >= n:
-            raise RividError(
-                f"forecast of {horizon} samples from sample {first} on: a row has {n}; "
-                "use a shorter horizon or longer rows"
-            )
-        m = self.system()
+        n, m = values.shape[1], self.system()
         K, _, _ = gains(np.ascontiguousarray(there.T), _moved(activity, there.shape), m, False)
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
@@ -168,26 +147,19 @@ class NoiseModel:
         return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
-        """Estimate the hidden states from whole days of a residual (days, n) [m]; NaN is missing."""
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
-
+        """Estimate the unknown inflow from whole days of a residual (days, n) [m]; NaN is missing."""
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
         states, v = filtered(values, K, m)
-        mean, variance = smoothed(states, v, there, K, S, P, m)
-        x, w, s = np.moveaxis(mean, -1, 0)
-        if self.surface_area is None:
-            return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
-        return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
+        inflow, variance = smoothed(states, v, there, K, S, P, m)
+        return Smoothed(inflow, np.sqrt(variance))
 
     def ahead(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
         """Return the expected residual and the standard deviation of a reading about it, shape (days, n) [m].
 
         Each sample is predicted from the samples present before it; after the last one these are forecasts.
         """
-        from rivid.diagnosis.noise.kalman import filtered, gains, gather
-
         (values, there), m = gather(residual), self.system()
         K, _, P = gains(np.ascontiguousarray(there.T), _moved(activity, values.shape), m, True)
         states, _ = filtered(values, K, m)
@@ -198,8 +170,6 @@ class NoiseModel:
         self, days: int, n: int, rng: np.random.Generator, activity: ArrayLike | None = None
     ) -> Floats:
         """Simulate days of this noise (days, n) [m] with x_0 = 0; the activity (days, n) is 0 by default."""
-        from scipy.signal import lfilter
-
         m = self.system()
         moved = self.misfit**2 * _moved(activity, (days, n)).T
         of_x, of_s = (moved, 0.0 * moved) if m.diffuse else (0.0 * moved, moved)
@@ -215,10 +185,8 @@ class NoiseModel:
         s = memory(self.level_sd, m.psi, (v * np.sqrt(of_s))[:, :-1])
         return x + s + rng.normal(0.0, self.gauge_sd, (days, n))
 
-    def system(self) -> "System":
+    def system(self) -> System:
         """Return the entries of the filter's matrices."""
-        from rivid.diagnosis.noise.kalman import System
-
         numbers = _numbers(**{f.name: getattr(self, f.name) for f in fields(self)})
         c, phi, psi, walk, inflow, level, gauge, misfit = map(float, numbers)
         return System(c, phi, psi, walk, inflow, level, gauge, misfit, self.surface_area is not None)
@@ -271,10 +239,7 @@ class Limits(NamedTuple):
         """Return the filter's numbers at points (q, f), shape (q, 8)."""
         given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
         given |= dict(zip(self.free, np.exp(points).T, strict=True))
-        out = np.empty((len(points), 8))
-        for i, values in enumerate(_numbers(**given)):
-            out[:, i] = values
-        return out
+        return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
 
 def limits_of(
@@ -379,63 +344,43 @@ STEP = 1e-5
 """Step of the finite differences, in logarithms: slopes are those half a step ahead."""
 
 
-def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
+def day_weights(whitened: ArrayLike) -> Floats:
     """Return weights of days (days,): 1 for most, less for a day far noisier than the median.
 
-    min(1, limit x median / mean square) of whitened residuals (days, n), where exact zeros are unused
-    samples; 0 for a day without samples.
+    min(1, :data:`DAY_LIMIT` x median / mean square) of whitened residuals (days, n), where exact zeros are
+    unused samples; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)
     count = (r != 0.0).sum(1)
     square = (r * r).sum(1) / np.maximum(count, 1)
     if not (count > 0).any():
         return np.zeros(len(r))
-    allowed = limit * np.median(square[count > 0])
+    allowed = DAY_LIMIT * np.median(square[count > 0])
     return np.where(count > 0, np.minimum(1.0, allowed / np.maximum(square, allowed * 1e-12)), 0.0)
 
 
 def fit_noise(
-    residual: ArrayLike,
+    residual: ArrayLike,  # (days, n) [m], for a river reach [m3/s]; NaN is missing
     sample_time: float,
-    surface_area: float | None,
+    surface_area: float | None,  # None for a river reach
     *,
-    weights: ArrayLike | None = None,
-    level: bool = False,
-    gauge_floor: float = 0.0,
-    activity: ArrayLike | None = None,
+    weights: ArrayLike | None = None,  # (days,): of the days' log-likelihoods
+    level: bool = False,  # whether a pool has the level-type noise s; a river reach always has it
+    gauge_floor: float = 0.0,  # lower limit of gauge_sd [m]: the reading's step / sqrt(12)
+    activity: ArrayLike | None = None,  # (days, n) [m2]; with it the noise has a misfit
+    # narrower limits of fields; with limits of `level_sd` a pool has a small s as well
     within: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     starts: tuple[NoiseModel, ...] = (),
     alone: bool = False,
 ) -> NoiseModel:
-    """Fit the noise model of greatest likelihood, from several starts.
+    """Fit the noise model of greatest likelihood to a residual (days, n), from several starts.
 
     With the unknown inflow alone, or from one start, the fit can end at an optimum with white w, which hides
-    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete.
-
-    Parameters
-    ----------
-    residual : array_like, shape (days, n)
-        [m], for a river reach [m3/s]; NaN is missing.
-    sample_time, surface_area : float
-        T_s [s] and A [m2]; A is None for a river reach.
-    weights : array_like, shape (days,), optional
-        Weights of the days' log-likelihoods. Default: fit, weigh days by :func:`day_weights`, fit again.
-    level : bool
-        Whether a pool has the level-type noise s (a river reach always has it).
-    gauge_floor : float
-        Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
-    activity : array_like, shape (days, n), optional
-        Activity of the flows [m2]; with it the noise has a misfit.
-    within : mapping of str to (float, float)
-        Narrower limits of fields. With limits of `level_sd` a pool has a small s as well.
-    starts : tuple of NoiseModel
-        Further starts.
-    alone : bool
-        Use `starts` only, and end after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats
-        in 100,000 samples instead of 1e-3: faster if the starts are near.
+    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete. By
+    default, days are weighed by :func:`day_weights` of a first fit. With `alone`, the fit begins at `starts`
+    only, and ends after :data:`NEAR_STEPS` steps or when a step gains less than some 0.1 nats in 100,000
+    samples instead of 1e-3: faster if the starts are near.
     """
-    from rivid.diagnosis.noise.kalman import gather
-
     values, there = gather(residual)
     both = there[:, 1:] & there[:, :-1]
     if not np.diff(values, axis=1)[both].any():
@@ -443,17 +388,17 @@ def fit_noise(
     limits = limits_of(
         values, there, sample_time, surface_area, level, gauge_floor, activity is not None, within
     )
-    moved = _moved(activity, there.shape)
-    usual = () if alone and starts else usual_starts(limits, level)
-    near = bool(alone and starts)
+    moved, near = _moved(activity, there.shape), bool(alone and starts)
+
+    def climb(days: Floats, begun: tuple[NoiseModel, ...]) -> NoiseModel:
+        return _climb(values, there, moved, days, begun, limits, near)
+
+    every = starts if near else usual_starts(limits, level) + starts
     if weights is not None:
-        given = np.asarray(weights, float)
-        if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
-            raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(values, there, moved, given, usual + starts, limits, near)
-    model = _climb(values, there, moved, np.ones(len(values)), usual + starts, limits, near)
+        return climb(np.asarray(weights, float), every)
+    model = climb(np.ones(len(values)), every)
     w = day_weights(model.whiten(residual, activity=activity))
-    return model if (w == 1.0).all() else _climb(values, there, moved, w, (model,), limits, near)
+    return model if (w == 1.0).all() else climb(w, (model,))
 
 
 NEAR_STEPS = 8
@@ -471,10 +416,6 @@ def _climb(
     limits: Limits, near: bool,
 ) -> NoiseModel:  # fmt: skip
     """Return the model of greatest likelihood from all starts; `near` as `alone` in :func:`fit_noise`."""
-    from scipy.optimize import minimize
-
-    from rivid.diagnosis.noise.kalman import log_likelihoods
-
     used = weights > 0.0
     samples = weights @ there.sum(1)
     w = weights[used] / samples  # mean per sample: one tolerance fits all

@@ -5,6 +5,7 @@ volume error of one hour would persist. :meth:`Response.baseline` is therefore l
 output, while :meth:`Response.simulate` runs free.
 """
 
+import datetime as dt
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -13,10 +14,10 @@ from typing import Any, Self, cast
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from rivid.diagnosis.data import Record
+from rivid.diagnosis.data import Kind, Record
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes
 from rivid.reach.gate import (
@@ -110,23 +111,19 @@ class Response(ABC):
 
     def with_parameters(self, vector: ArrayLike) -> Self:
         """Return the model at other values (p,) on the parameters' scale, clipped to the limits."""
-        return replace(self, parameters=placed(self.parameters, vector))
+        values = np.asarray(vector, float)
+        if values.shape != (len(self.parameters),) or not np.isfinite(values).all():
+            raise RividError(
+                f"parameters {values.tolist()}: expected {len(self.parameters)} finite numbers, "
+                f"for {', '.join(p.name for p in self.parameters)}"
+            )
+        moved = tuple(p.at(v) for p, v in zip(self.parameters, values, strict=True))
+        return replace(self, parameters=moved)
 
 
 def vector_of(response: Response) -> Floats:
     """Return the values of the free parameters on their scale, shape (p,)."""
     return np.array([parameter.value for parameter in response.parameters])
-
-
-def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[FreeParameter, ...]:
-    """Return the parameters at other values, shape (p,)."""
-    values = np.asarray(vector, float)
-    if values.shape != (len(parameters),) or not np.isfinite(values).all():
-        raise RividError(
-            f"parameters {values.tolist()}: expected {len(parameters)} finite numbers, "
-            f"for {', '.join(p.name for p in parameters)}"
-        )
-    return tuple(p.at(v) for p, v in zip(parameters, values, strict=True))
 
 
 def slopes_by_differences(
@@ -186,12 +183,7 @@ def start_level(output: Floats, otherwise: float) -> Floats:
 
 def gauge_of(record: Record, changes: Changes) -> Floats:
     """Return the reading of the gauge minus the water level, shape (days, n)."""
-    try:
-        return np.broadcast_to(np.asarray(changes.gauge, float), record.time.shape)
-    except ValueError:
-        raise RividError(
-            f"a gauge offset has shape {np.shape(changes.gauge)}: expected {record.time.shape} as the record"
-        ) from None
+    return on_grid("a gauge offset", changes.gauge, record.time.shape)
 
 
 def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
@@ -210,7 +202,6 @@ class RealFlows:
     added: tuple[AddedFlow, ...]  # further flows; losses to leaks and ponds are negative
     storage: Floats  # (days, n): water surface over the usual one [-]
     gauge: Floats  # (days, n): reading of the gauge minus the water level
-    well: Floats  # time constant of its stilling well, added to the usual one [s]
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
@@ -231,7 +222,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
                     f"{what} in a river reach, which has no level: expected effects on its inflow, added "
                     "flows, or its gauge"
                 )
-        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge, changes.well)
+        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge)
     if (changes.rating != 0.0).any():
         raise RividError(
             "a rating in a pool, where the gauge reads a level: expected effects on its level or flows"
@@ -243,16 +234,19 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
             f"area_slope = {changes.area_slope:g} per m leaves no water surface at the observed levels: "
             "expected a smaller one"
         )
-    if changes.gate_is_plain and not changes.ponds:
-        outflow, ponds = record.outflow, np.zeros((0, *shape))
-    else:
-        outflow, ponds = _gate_and_ponds(record, changes, level)
+    outflow, ponds = record.outflow, np.empty((len(changes.ponds), *shape))
+    if changes.ponds or not changes.gate_is_plain:
+        outflow, exchange = np.empty(shape), exchange_arrays(changes, shape)
+        follow(
+            np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time), record.outflow,
+            level, gate_arrays(changes, shape), exchange.exchange, exchange.area, outflow, ponds,
+        )  # fmt: skip
     taken = [AddedFlow(leak.place, leak.loss * (leak.reference - level)) for leak in changes.leaks]
     taken += [AddedFlow(pond.place, -into) for pond, into in zip(changes.ponds, ponds, strict=True)]
-    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge, changes.well)
+    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
 
 
-def lagged(values: Floats, lag: int) -> Floats:
+def lagged(values: NDArray[Any], lag: int) -> NDArray[Any]:
     """Return the values `lag` samples earlier; the first value of a row is repeated at its start."""
     if lag == 0:
         return values
@@ -295,47 +289,34 @@ def mean_before(time: Floats, passed: Floats) -> Floats:
     return np.concatenate([means[:, :1], means], axis=1)
 
 
-def _gate_and_ponds(record: Record, changes: Changes, level: Floats) -> tuple[Floats, Floats]:
-    shape = record.time.shape
-    outflow, into = np.empty(shape), np.empty((len(changes.ponds), *shape))
-    exchange = exchange_arrays(changes, shape)
-    follow(
-        np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time), record.outflow, level,
-        gate_arrays(changes, shape), exchange.exchange, exchange.area, outflow, into,
-    )  # fmt: skip
-    return outflow, into
-
-
-TRIAL = 1.0
-"""Step of the added flow [m3/s]."""
-
-
-def step_response(response: Response, record: Record, place: float) -> Floats:
-    """Return the change of the output (n,) after 1 m3/s more enters, at the usual flow [m per m3/s, or -].
-
-    `place` is 0 at the upstream dam, 1 at the downstream one.
-    """
-    n = record.time.shape[1]
-    level, flow = record.usual_output, record.usual_flow
-    steady = np.full((1, n + 1), flow)
-    still = replace(
-        record, dates=record.dates[:1], time=record.sample_time * np.arange(n + 1.0)[None], inflow=steady,
-        outflow=steady if record.kind == "pool" else np.zeros((1, n + 1)),
-        output=np.full((1, n + 1), level), used=np.ones((1, n + 1), bool),
-    )  # fmt: skip
-    later = np.concatenate([[0.0], np.full(n, TRIAL)])[None]  # the initial state is steady without it
-    more = Changes(added=(AddedFlow(place, later),))
-    answer = response.simulate(still, more) - response.simulate(still, Changes())
-    return np.asarray(answer[0, 1:] / TRIAL)
-
-
 def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
-    """Return step responses to inflows at the upper dam and in the middle, and a release at the lower dam."""
-    return {
-        "up": step_response(response, record, 0.0),
-        "middle": step_response(response, record, 0.5),
-        "down": -step_response(response, record, 1.0),
-    }
+    """Return the step responses of a reach at the usual state of a record, over the samples of its rows."""
+    n = record.time.shape[1]
+    return step_responses(response, n, record.sample_time, record.usual_output, record.usual_flow)
+
+
+def step_responses(
+    response: Response, n: int, sample_time: float, level: float, flow: float
+) -> dict[str, Floats]:
+    """Return changes of the output (n,) after 1 m3/s more of flow [m per m3/s, or -].
+
+    The flow enters at the upper dam or in the middle, or leaves at the lower dam.
+    """
+    kind: Kind = "river" if response.surface_area is None else "pool"
+    steady, shape = np.full((1, n + 1), flow), (1, n + 1)
+    still = Record(
+        dates=(dt.date(2000, 1, 1),), time=sample_time * np.arange(n + 1.0)[None], inflow=steady,
+        outflow=steady if kind == "pool" else np.zeros(shape), output=np.full(shape, level),
+        used=np.ones(shape, bool), lead=0, sample_time=sample_time, kind=kind,
+    )  # fmt: skip
+    before = response.simulate(still)
+    more = np.concatenate([[0.0], np.ones(n)])[None]  # the initial state is steady without it
+
+    def after(place: float) -> Floats:
+        added = Changes(added=(AddedFlow(place, more),))
+        return np.asarray(response.simulate(still, added) - before)[0, 1:]
+
+    return {"up": after(0.0), "middle": after(0.5), "down": -after(1.0)}
 
 
 # Compiled: the gate's position depends on the previous sample.

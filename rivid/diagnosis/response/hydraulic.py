@@ -103,8 +103,6 @@ class HydraulicResponse(Response):
     fall of the bed [m], linear since it may be 0; the run of the banks; the logarithm of the time of gates;
     modes of the width and of the bed; corrections; the lag of the gauge behind h.
 
-    Notes
-    -----
     Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"),
     subtracted from the result. It raises the cells as the level at the dam does in a steady state: the water
     stays in balance, and a constant flow moves the baseline as it would move an open loop. With the same rise
@@ -128,41 +126,21 @@ class HydraulicResponse(Response):
     @classmethod
     def nominal(
         cls,
-        length: float,
-        width: float,
+        length: float,  # L [m]
+        width: float,  # mean width and mean depth at the usual level [m]
         depth: float,
-        level: float,
+        level: float,  # usual level at the dam [m]
         *,
-        sample_time: float,
+        sample_time: float,  # T_s [s] and usual discharge [m3/s], for the size and lags of the corrections
         flow: float,
-        slope: float | None = None,
-        manning: float = 0.03,
-        width_modes: int = MODES,
+        slope: float | None = None,  # of the bed [-]; default: a fall of :data:`FALL` depths over the reach
+        manning: float = 0.03,  # Manning's n [s/m^(1/3)]
+        width_modes: int = MODES,  # modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed
         bed_modes: int = MODES,
-        corrections: bool = True,
+        corrections: bool = True,  # of first lags of the outflow, and of those about the inflow's arrival
         cells: int = CELLS,
     ) -> "HydraulicResponse":
-        """Return a response from the configured geometry.
-
-        Parameters
-        ----------
-        length, width, depth : float
-            L, mean width and mean depth at the usual level [m].
-        level : float
-            Usual level at the dam [m].
-        sample_time, flow : float
-            T_s [s] and usual discharge [m3/s], for the size and lags of the corrections.
-        slope : float, optional
-            Slope of the bed [-]; default: a fall of :data:`FALL` depths over the reach.
-        manning : float
-            Manning's n [s/m^(1/3)].
-        width_modes, bed_modes : int
-            Modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed.
-        corrections : bool
-            Whether the first lags of the outflow and those about the inflow's arrival are corrected.
-        cells : int
-            Number of cells of the channel.
-        """
+        """Return a response from the configured geometry."""
         if slope is not None and not 0.0 <= slope * length <= 2.0 * depth:
             raise RividError(
                 f"slope = {slope:g}: expected 0 to {2.0 * depth / length:.2g}, a fall of two depths over the "

@@ -25,7 +25,6 @@ from rivid.diagnosis.response.base import (
     slopes_by_differences,
     start_level,
 )
-from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gauge import stilled
 from rivid.reach.transport import delayed_volume, held_volume
@@ -56,8 +55,6 @@ class LinearPool(Response):
     The parameters are the logarithms of the area A, of the delay at the usual flow and of the gain G of the
     inflow over the outflow; s; the coefficients; the lag of the gauge behind h.
 
-    Notes
-    -----
     Source: equations (5) and (7); (16) for the FIR filters, here on both flows.
     """
 
@@ -69,27 +66,14 @@ class LinearPool(Response):
     @classmethod
     def nominal(
         cls,
-        record: Record,
+        record: Record,  # for T_s, the usual flows and the lead time, which no lag exceeds
         fronts: Fronts,
         *,
-        surface_area: float,
-        delay: float,
-        speed_share: float = 0.0,
+        surface_area: float,  # A [m2]
+        delay: float,  # tau at the usual flow [s]
+        speed_share: float = 0.0,  # s [-], from 0 to 1
     ) -> "LinearPool":
-        """Return a response from the configured geometry.
-
-        Parameters
-        ----------
-        record : Record
-            For T_s, the usual flows and the lead time, which no lag exceeds.
-        fronts : {"none", "fir"}
-        surface_area, delay : float
-            A [m2] and tau at the usual flow [s].
-        speed_share : float
-            s [-], from 0 to 1.
-        """
-        if fronts not in NAMES:
-            raise RividError(f"fronts = {fronts!r}: expected one of {', '.join(NAMES)}")
+        """Return a response from the configured geometry."""
         parameters = [
             FreeParameter.positive("surface_area", "m2", surface_area, 0.2),
             FreeParameter.positive("delay", "s", delay, 0.2),
@@ -129,9 +113,22 @@ class LinearPool(Response):
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the level [m] from each row's first readings on, shape (days, n)."""
         flows = real_flows(record, changes)
-        return (
-            self._level(record, flows) + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
-        )
+        area, _, gain = (p.natural for p in self.parameters[:3])
+        time, delay = record.time, self.delay(record)
+        came = gain * delayed_volume(time, flows.inflow, delay)
+        came -= came[:, :1]
+        for part in flows.added:
+            further = delayed_volume(time, part.flow, (1.0 - part.place) * delay)
+            came += further - further[:, :1]
+        stored = came - held_volume(time, flows.outflow)
+        before = np.concatenate([flows.storage[:, :1], flows.storage[:, :-1]], axis=1)
+        level = np.cumsum(np.diff(stored, axis=1, prepend=0.0) / before, axis=1) / area
+        values = [p.value for p in self.parameters[4:-1]]
+        if any(values):
+            for value, flow in zip(values, self._columns(record, flows), strict=True):
+                level += value * flow
+        level = stilled(time, level - level[:, :1], self.parameters[-1].natural + changes.well)
+        return level + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Return the derivatives of the baseline, shape (p, days, n); exact for the coefficients."""
@@ -145,24 +142,6 @@ class LinearPool(Response):
                 column[:] = stilled(record.time, flow - flow[:, :1], lag + changes.well)  # rows begin at 0
         columns[last:] = slopes_by_differences(self, record, base, changes, range(last, last + 1))
         return columns
-
-    def _level(self, record: Record, flows: RealFlows) -> Floats:
-        area, _, gain = (p.natural for p in self.parameters[:3])
-        time, delay = record.time, self.delay(record)
-        came = gain * delayed_volume(time, flows.inflow, delay)
-        came -= came[:, :1]
-        for part in flows.added:
-            further = delayed_volume(time, part.flow, (1.0 - part.place) * delay)
-            came += further - further[:, :1]
-        stored = came - held_volume(time, flows.outflow)
-        rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
-        level = np.cumsum(rise, axis=1) / area
-        if self.fronts == "fir":
-            values = [p.value for p in self.parameters[4:-1]]
-            if any(values):
-                for value, flow in zip(values, self._columns(record, flows), strict=True):
-                    level += value * flow
-        return stilled(time, level - level[:, :1], self.parameters[-1].natural + flows.well)
 
     def delay(self, record: Record) -> Floats:
         """Return the delay of each row [s], shape (days, 1)."""
@@ -194,8 +173,3 @@ def _lags(delay: int, last: int) -> tuple[int, ...]:
     while lags[-1] < last:
         lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), last))
     return tuple(lags)
-
-
-def _before(values: Floats) -> Floats:
-    """Return the value of the sample before each sample."""
-    return np.concatenate([values[:, :1], values[:, :-1]], axis=1)

@@ -42,8 +42,6 @@ class RiverResponse(Response):
     The parameters are the logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the
     mean holding time [s], and of the gain; the exponent, the held share and the constant on a linear scale.
 
-    Notes
-    -----
     The exponent of a wide channel with Manning friction is 0.4. Source: Cunge (1969, Journal of Hydraulic
     Research 7, 205-230) for the diffusion of such cells.
     """
@@ -53,13 +51,7 @@ class RiverResponse(Response):
     surface_area: None = field(default=None, init=False)
 
     @classmethod
-    def nominal(
-        cls,
-        delay: float,
-        spread: float,
-        flow: float,
-        exponent: float = 0.4,
-    ) -> "RiverResponse":
+    def nominal(cls, delay: float, spread: float, flow: float, exponent: float = 0.4) -> "RiverResponse":
         """Return a response from rough mean and sd of the arrival times [s] at the usual flow [m3/s].
 
         The delay decreases with the flow by `exponent` [-]. The prior sd of the constant is that of the gain.
