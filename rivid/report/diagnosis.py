@@ -75,7 +75,7 @@ def write_diagnosis(
         "reach": reach or ("River reach" if river else "Reach"),
         "record": record,
         "output": "discharge" if river else "level",
-        "ranking": quantities.explanations(diagnosis.ranking),
+        "ranking": quantities.explanations(diagnosis.ranking, diagnosis.verdict),
         "cards": [_card(e, known, record.dates[0] if record else None) for e in shown.effects],
         "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
         "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
@@ -189,7 +189,7 @@ def headline(diagnosis: Diagnosis) -> str:
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
     diagnosis = quantities.as_shown(diagnosis)
-    ranking, lines = quantities.explanations(diagnosis.ranking)[0], list[str]()
+    ranking, lines = quantities.explanations(diagnosis.ranking, diagnosis.verdict)[0], list[str]()
     for line in terminal("diagnosis", d=diagnosis, ranking=ranking).splitlines():
         key, _, text = line.partition("\t")
         if key == "Gap":

@@ -207,15 +207,18 @@ def explanation(names: Sequence[str], unknown: str | None) -> str:
     return listed([*map(name, names), *([latent[unknown]] if unknown else [])]) or "nothing missing"
 
 
-def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, float]:
+def explanations(ranking: Sequence[Ranked], verdict: str) -> tuple[list[Explanation], int, float]:
     """Return the rows of a ranking, the number of explanations left out, and their joint probability.
 
-    "Nothing missing" and those without any name are always among the rows.
+    "Nothing missing" and those without any name are always among the rows. If the verdict is that something
+    unknown is missing, as the error exceeds the fitted noise, "nothing missing" is "no known effect".
     """
     rows = [
         Explanation(
             "named" if one.names else "unknown" if one.unknown else "nothing",
-            explanation(one.names, one.unknown), one.probability, one.material,
+            "no known effect" if verdict == "unknown" and not (one.names or one.unknown)
+            else explanation(one.names, one.unknown),
+            one.probability, one.material,
         )
         for one in sorted(ranking, key=lambda one: -one.probability)
     ]  # fmt: skip

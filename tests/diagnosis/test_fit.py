@@ -274,6 +274,23 @@ def test_sealed_days_do_not_take_part():
     assert (found[0].weights[~opened] == 0.0).all() and (found[0].weights[opened] > 0.0).all()
 
 
+def test_a_response_that_fits_most_days_is_not_behind_one_that_fits_none():
+    """Three of eight days have another inflow, as with a wrong clock from a date on."""
+    record = columns(np.random.default_rng(4), 8, noise=0.001)
+    other = columns(np.random.default_rng(5), 8, noise=0.001)
+    late = np.arange(8)[:, None] > 4
+    record = replace(record, output=np.where(late, 20.0 * other.output, record.output))
+    right, wrong = (curve_of(one, record) for one in (Curve(two()), Curve(two(high=0.2))))
+    for models in ([right, wrong], [wrong, right]):
+        best, worst = fits(models, record, fresh=2)
+        assert best.one.model.reach.parameters[0].value == pytest.approx(2.0, abs=0.1)
+        seen = [np.where(record.used, one.one.residual, np.nan) for one in (best, worst)]
+        plain = [
+            one.one.noise.log_likelihood(left).sum() for one, left in zip((best, worst), seen, strict=True)
+        ]
+        assert plain[0] < plain[1]  # these days decide, where each counts with its own likelihood
+
+
 # The noise
 
 

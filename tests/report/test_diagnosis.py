@@ -259,11 +259,13 @@ def test_of_many_explanations_the_likeliest_and_nothing_and_unknown_remain():
 
     named = [one((f"effect_{i}",), None, 0.1 / 2**i) for i in range(6)]
     ranking = [*named, one(("leakage", "seiche"), None, 0.6), one((), "flow", 0.0), one((), None, 0.0)]
-    rows, left, rest = explanations(ranking)
+    rows, left, rest = explanations(ranking, "explained")
     assert [row.probability for row in rows] == pytest.approx([0.6, 0.1, 0.05, 0.025, 0.0, 0.0])
     assert [row.kind for row in rows] == ["named"] * 4 + ["unknown", "nothing"]
     assert left == 3 and rest == pytest.approx(0.1 / 8 + 0.1 / 16 + 0.1 / 32)
-    assert explanations(()) == ([], 0, 0)
+    assert explanations((), "explained") == ([], 0, 0)
+    rest = {verdict: explanations(ranking, verdict)[0][-1].words for verdict in ("no_gap", "unknown")}
+    assert rest == {"no_gap": "nothing missing", "unknown": "no known effect"}
 
 
 def test_ties_name_all_candidates_and_the_separating_measurement(tmp_path):
