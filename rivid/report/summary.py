@@ -406,6 +406,12 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
     return {"code": "given", "gravity": gravity, "fast": fast, "days": days, "ratio": ratio, "slow": slow}
 
 
+def doubted(results: Results, recent: LastWeek) -> str:
+    """Return whether the report puts the last answers in doubt as too "fast" or too "slow"; else ""."""
+    now, waves = _now(results, recent), _waves(results, recent) or {}
+    return "fast" if now["fast"] else "slow" if now["slow"] or waves.get("slow") else ""
+
+
 def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
     f, tried = facts(results, e), read.candidates(e)
     ends = (float(tried[0]), float(tried[-1])) if tried.size else None
