@@ -7,13 +7,14 @@ from itertools import groupby
 from typing import Any
 
 import click
+import numpy as np
 import pyarrow.parquet as pq
 
 from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.report.summary import SPREAD_OUT, facts, leading
+from rivid.report.summary import SPREAD_OUT, facts, leading, reasons
 from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
@@ -107,8 +108,8 @@ def _numbers(results: Results, e: EstimatorResults) -> list[str]:
             lines.append(f"probability {median} on the median day, {low} on the least certain")
         if edge:
             lines.append(f"at an end of the searched delays on {share(edge, n)} of the days")
-    if beyond := int(e.at_bound.sum()) - edge:
-        lines.append(f"outside the searched delays on {count(beyond, 'day')}")
+    for reason, times in reasons(e, e.at_bound & np.isnan(e.delay)):
+        lines.append(f"outside the searched delays on {count(times, 'day')}: {reason}")
     return lines
 
 

@@ -293,7 +293,7 @@ def digest(*parts: Any) -> str:
 
 CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
-SHORT = (  # columns in memory of all rows; of the messages, those of failed days
+SHORT = (  # columns in memory of all rows
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
     "probability", "at_bound", "mean_inflow_m3s", "bound_gravity_s", "bound_kinematic_s",
 )  # fmt: skip
@@ -303,8 +303,8 @@ SHORT = (  # columns in memory of all rows; of the messages, those of failed day
 class Rows:
     """Rows of segments."""
 
-    # columns SHORT, `message` of failed days, `spread` (whether the response has one), and `unit` and `row`,
-    # where the whole row is
+    # columns SHORT, `message` of failed days and of those with a delay beyond all candidates, `spread`
+    # (whether the response has one), and `unit` and `row`, where the whole row is
     table: pa.Table
     units: tuple[tuple[Path, int], ...] = ()  # files and their row groups
 
@@ -427,9 +427,10 @@ def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
 
 def _short(whole: pa.Table, unit: int) -> pa.Table:
     """The columns of a row group that stay in memory."""
-    n, failed = len(whole), pc.equal(whole["status"], "failed")
+    n, beyond = len(whole), pc.and_(whole["at_bound"], pc.is_null(whole["delay_samples"]))
+    kept = pc.or_(pc.equal(whole["status"], "failed"), pc.fill_null(beyond, False))
     return pa.table({name: whole[name] for name in SHORT} | {
-        "message": pc.if_else(failed, whole["message"], pa.scalar(None, pa.string())),
+        "message": pc.if_else(kept, whole["message"], pa.scalar(None, pa.string())),
         "spread": whole["fir_sd"].is_valid(),
         "unit": whole_numbers(np.full(n, unit)),
         "row": whole_numbers(np.arange(n)),

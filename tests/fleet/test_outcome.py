@@ -16,7 +16,6 @@ from rivid.report.summary import doubted, last_week
 from tests.pages import Page
 from tests.report.runs import STEADY, simple
 
-
 GIVEN = {"length": 8200.0, "width": 220.0, "depth": 7.0, "discharge_range": [100.0, 900.0]}
 """Geometry, so that the reach has bounds."""
 

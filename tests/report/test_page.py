@@ -136,6 +136,8 @@ def test_names_and_reasons_are_text_and_never_markup(tmp_path):
         (simple([6], start=dt.date(2008, 3, 14)), "2008-03-14"),
         (simple([NAN] * 12 + [7, 7], ["failed"] * 12 + ["ok"] * 2), "2 of 7 days"),
         (simple([NAN] * 7, ["failed"] * 7), "None of 7 days has a delay: 7 failed"),
+        (simple([NAN] * 7, ["failed"] * 7, ["short"] * 7), "7 failed. On all of them: short."),
+        (simple([NAN] * 7, ["failed"] * 7, ["a", *["b; c"] * 6]), "7 failed. On 6 of 7 days: b."),
         (simple([NAN] * 3, ["pending"] * 3), "3 days are pending"),
         (simple([7] * 7 + [NAN] * 7, ["ok"] * 7 + ["failed"] * 6 + ["pending"]), "6 failed and 1 pending"),
         (with_travel(simple([7] * 14, name="posterior"), 0.25), "16.1 min (delay d = 7"),

@@ -212,6 +212,11 @@ def test_a_week_without_an_answer_has_its_reasons_and_the_latest_value():
 def test_failing_and_pending_records_have_their_codes():
     now = summary_of(simple([NAN] * 7, ["failed"] * 7))["now"]
     assert (now["code"], now["statuses"], now["latest"]) == ("none", {"failed": 7}, None)
+    assert now["reason"] is None
+    for times in (7, 4, 3):
+        messages = ["too short; remark"] * times + ["other"] * (7 - times)
+        now = summary_of(simple([NAN] * 7, ["failed"] * 7, messages))["now"]
+        assert now["reason"] == (("other", 4) if times == 3 else ("too short", times))
     s = summary_of(simple([NAN] * 3, ["pending"] * 3))
     assert s["now"]["code"] == "pending" and s["moved"] is None and s["prior"] is None
     s = summary_of(dataclasses.replace(simple([7]), estimators=[]))
