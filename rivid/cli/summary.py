@@ -105,7 +105,8 @@ def _numbers(results: Results, e: EstimatorResults) -> list[str]:
             lines.append(f"{what} on {share(f['prior_only'], n)} of the days")
         if math.isfinite(f["least"]):
             low, median = probability(f["least"]), probability(f["probability"])
-            lines.append(f"probability {median} on the median day, {low} on the least certain")
+            days = f"on the median day, {low} on the least certain"
+            lines.append(f"probability {median} (to within 0.1 sample) {days}")
         if edge:
             lines.append(f"at an end of the searched delays on {share(edge, n)} of the days")
     for reason, times in reasons(e, e.at_bound & np.isnan(e.delay)):

@@ -309,6 +309,10 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
         code, asked = "none", ~asked
     elif not given.any():
         code, asked = "none_in_week", recent.week
+    interval = None
+    if given.any() and e.delay_low is not None and e.delay_high is not None:
+        below, above = (0.5, 0.5) if recent.quantity == "t50" else (0.0, 1.0)  # a t50 is rounded, a d cut off
+        interval = _median(e.delay_low[given]) - below, _median(e.delay_high[given]) + above
     why = [(text, n) for text, n in reasons(e, asked) if text and 2 * n > asked.sum()]
     fast, slow = (2 * int((days & given).sum()) for days in impossible(results, e, recent.quantity))
     return {
@@ -322,6 +326,7 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
         "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,
         "delay": d,
         "range": _ends(recent.values[given]),
+        "interval": interval if interval and np.isfinite(interval).all() else None,
         "statuses": _statuses([s for s, day in zip(e.status, asked, strict=True) if day]),
         "reason": why[0] if why else None,
         "latest": (e.dates[finite[-1]], float(recent.values[finite[-1]])) if finite.size else None,

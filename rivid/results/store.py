@@ -60,8 +60,8 @@ travel_time_s | number | s | the travel time: with its fraction where an estimat
 half_response_s | number | s | `posterior`: travel time with half time of the gauge's lag; t50 of a river
 at_bound | flag | | the delay is the shortest or longest tried, or lies outside
 prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
-probability | number | | `posterior`: that the likeliest delay is right
-delay_low | number | samples | `posterior`: shortest of the fewest delays that together hold 90 %
+probability | number | | `posterior`: that the likeliest delay is right, to within a tenth of a sample
+delay_low | number | samples | `posterior`: shortest of the fewest delays that hold 90 %, without that tenth
 delay_high | number | samples | `posterior`: longest of them
 t50_samples | number | samples | rivers: the lag by which half of a step has arrived
 alpha | number | (m3/s)^2 | regularisation weight, noise over roughness variance

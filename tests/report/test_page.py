@@ -210,7 +210,8 @@ def test_the_record_of_an_estimator_with_probabilities(tmp_path):
     e = run.estimators[0]
     words = write(run, tmp_path)[1].words
     given = e.probability[np.isfinite(e.delay)]
-    assert f"{np.median(given):.2f} of the delay on the median day, {given.min():.2f} on the least" in words
+    how = "of the delay, to within a tenth of a sample, on the median day"
+    assert f"{np.median(given):.2f} {how}, {given.min():.2f} on the least" in words
     assert "26 of 30 days (87 %)" in words and "Unidentifiable on 3 days: the likeliest delay" in words
     assert f"6 and 7: 26 of 26 days {np.median(given):.2f} 0 –" in words
     assert "90 % set" in words and "For posterior also" in words
