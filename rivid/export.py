@@ -229,9 +229,10 @@ def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
         ) from None
     rows = list(csv.DictReader(io.StringIO(texts[0])))
     found = [{key: float(value) for key, value in row.items() if value} for row in rows]
+    about = json.loads(texts[1])
     if not found:
-        raise NoDataError(f"{source}: delay_law.csv has no class of discharge; delay_law.json has the reason")
-    return found, json.loads(texts[1])
+        raise NoDataError(f"{source}: no law of delay and discharge: {about['message']}")
+    return found, about
 
 
 def unresolved(source: Path, snapshot: float = HOUR) -> str:

@@ -17,7 +17,7 @@ from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse
 from rivid.diagnosis.result import Diagnosis
 from rivid.effects import CATALOGUE
-from rivid.errors import ConfigError
+from rivid.errors import ConfigError, NoDataError
 from rivid.export import FORMATS, export, law_of, routing, state_space
 from tests.diagnosis.responses import nominal, river_record, season
 from tests.run.test_run import rivid as command
@@ -226,6 +226,13 @@ def test_delays_by_discharge(joined):
     rows = list(csv.DictReader(paths[0].read_text().splitlines()))
     assert [float(r["delay_s"]) for r in rows] == [7300.0, 3500.0] and law_of(joined)[0][1]["n"] == 60.0
     assert json.loads(paths[1].read_text())["written_by"] == f"rivid {rivid.__version__}"
+
+
+def test_a_season_without_a_law_has_its_reason(joined):
+    (joined / "delay_law.csv").write_text(LAW.partition("\n")[0] + "\n")
+    (joined / "delay_law.json").write_text(json.dumps({"reach": "gorge", "message": "12 days: too few"}))
+    with pytest.raises(NoDataError, match="no law of delay and discharge: 12 days: too few"):
+        law_of(joined)
 
 
 def test_links_of_pypsa(joined):
