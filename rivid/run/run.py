@@ -368,7 +368,7 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
         history = f", of which {unused} are history only" if unused else ""
         return (
             f"an FIR of order {order} is too long for {n} samples{history} ({condition}): lower [jmap] "
-            f"order, or {config.run.lengthen}"
+            f"order, or {config.run.lengthen((2 * order + unused) * config.reach.sample_time)}"
         )
     return f"the inflow moves too little: {condition}"
 
