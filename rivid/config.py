@@ -4,6 +4,7 @@ An error is one line: the file, the key, what came and what is valid. Defaults a
 are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 """
 
+import math
 import re
 import tomllib
 from copy import deepcopy
@@ -232,10 +233,12 @@ class RunConfig(Section):
         number, unit = re.fullmatch(r"([\d.]+) ?(\w*)", self.window or "0").groups()  # type: ignore[union-attr]
         return float(number) * {"min": 60.0, "h": 3600.0}.get(unit, 1.0)
 
-    @property
-    def lengthen(self) -> str:
-        """What makes data sets longer, for messages."""
-        return "lengthen [run] window" if self.window else "raise [run] window_days"
+    def lengthen(self, seconds: float) -> str:
+        """What makes data sets so long [s] or longer, for messages."""
+        if self.window and seconds <= DAY / 2:
+            return f'set [run] window = "{math.ceil(seconds)} s" or longer'
+        days = f"set [run] window_days = {math.ceil(seconds / DAY)} or more"
+        return f"{days}, without window" if self.window else days
 
     @model_validator(mode="after")
     def _one_length(self) -> "RunConfig":

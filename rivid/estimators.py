@@ -282,7 +282,8 @@ def _of_posterior(
     too_short = (
         f"the delay is shorter than d_min = {s.d_min}: lower {_key(config, 'posterior', 'd_min')}"
         if s.d_min > 1
-        else "the delay is about one sample or less (a shorter [reach] sample_time would show it)"
+        else "the delay is about one sample or less (shorter ones, in the log and in [reach] sample_time, "
+        "would show it)"
     )
     too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'posterior', 'd_max')}"
     given, T_s = config.input.model_dump(include={"stamp", "hold", "interval"}), config.reach.sample_time

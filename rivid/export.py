@@ -16,7 +16,7 @@ from scipy.linalg import block_diag, hankel
 
 from rivid import __version__
 from rivid.atomic import replacing, write_text
-from rivid.diagnosis.calibrated import ReachModel, load_model
+from rivid.diagnosis.calibrated import ReachModel, load_model, reached
 from rivid.errors import ConfigError, NoDataError
 from rivid.results.store import finite
 from rivid.text import duration
@@ -175,13 +175,12 @@ def routing(model: ReachModel) -> dict[str, float]:
     time = T * np.arange(len(steps["up"]))
     if model.kind == "river":
         up = steps["up"] / steps["up"][-1]
-        front = float(time[int(np.argmax(up >= 0.1))])
-        mean = float(((1.0 - up) * T).sum())
+        front = reached(up, 0.1) * T
+        mean = float(np.trapezoid(1.0 - up, dx=T))
         return {"Lag_parameter": front, "K_parameter": max(mean - front, 0.0), "gain": float(steps["up"][-1])}
     late = time >= 0.5 * time[-1]
     slope, begin = np.polyfit(time[late], steps["up"][late], 1)
-    rate = np.diff(steps["up"])
-    delay = float(time[int(np.argmax(rate >= 0.5 * rate[-1]))])
+    delay = model.half_time
     _, down = np.polyfit(time[late], steps["down"][late], 1)
     return {
         "delay": delay, "Ad": 1.0 / float(slope), "p21": float(begin + slope * delay), "p22": -float(down),
@@ -230,9 +229,10 @@ def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
         ) from None
     rows = list(csv.DictReader(io.StringIO(texts[0])))
     found = [{key: float(value) for key, value in row.items() if value} for row in rows]
+    about = json.loads(texts[1])
     if not found:
-        raise NoDataError(f"{source}: delay_law.csv has no class of discharge; delay_law.json has the reason")
-    return found, json.loads(texts[1])
+        raise NoDataError(f"{source}: no law of delay and discharge: {about['message']}")
+    return found, about
 
 
 def unresolved(source: Path, snapshot: float = HOUR) -> str:

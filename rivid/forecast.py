@@ -13,6 +13,7 @@ Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteo
 """
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from rivid.config import Config
-from rivid.diagnosis.calibrated import ReachModel
+from rivid.diagnosis.calibrated import SETTLED, ReachModel, reached
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.response.hydraulic import as_far_as_it_goes
 from rivid.errors import ConfigError, NoDataError
@@ -189,10 +190,9 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     later = slice(now + 1, None)
     inflow, outflow = series.inflow.copy(), series.outflow.copy()
     inflow[later], outflow[later] = flows[0][-1], flows[1][-1]
-    up = model.kernels(lead + 1)["up"]
     return Forecast(
         replace(series, inflow=inflow, outflow=outflow), y0[-1] + quantiles, announced,
-        len(past) if learns else 0, _half(model, up) * model.sample_time, tuple(notes),
+        len(past) if learns else 0, model.half_time, tuple(notes),
         flows[2][-1] if announced < ahead and learns else None,
     )  # fmt: skip
 
@@ -200,16 +200,10 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
 def lead_of(model: ReachModel) -> int:
     """Samples before an origin that its forecast needs: the water under way, and :data:`SETTLE`."""
     settle = round(SETTLE / model.sample_time)
-    up = model.kernels(max(round(4 * DAY / model.sample_time), 2))["up"]
     if model.kind == "pool":
-        return settle + 2 * _half(model, up)
-    return settle + int(np.argmax(up >= ARRIVED * up[-1]))
-
-
-def _half(model: ReachModel, up: Floats) -> int:
-    """Samples until half of a step has arrived; at a pool, until its level rises at half of the last rate."""
-    rate = up if model.kind == "river" else np.diff(up)
-    return int(np.argmax(rate >= 0.5 * rate[-1]))
+        return settle + math.ceil(2.0 * model.half_time / model.sample_time)
+    up = model.kernels(max(round(SETTLED / model.sample_time), 2))["up"]
+    return settle + math.ceil(reached(up, ARRIVED))
 
 
 def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:

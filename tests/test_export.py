@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse
 from rivid.diagnosis.result import Diagnosis
 from rivid.effects import CATALOGUE
-from rivid.errors import ConfigError
+from rivid.errors import ConfigError, NoDataError
 from rivid.export import FORMATS, export, law_of, routing, state_space
 from tests.diagnosis.responses import nominal, river_record, season
 from tests.run.test_run import rivid as command
@@ -176,18 +177,30 @@ def test_the_files_of_a_state_space_are_the_same_model(tmp_path):
     assert text["about"]["units"] == {"u_Qi": "m3/s", "Q_L": "m3/s"} and text["about"]["days"] == record.days
 
 
+@pytest.mark.parametrize("delay", [850.0, 931.0, 980.0])
+def test_the_half_time_has_its_fraction_of_a_sample(delay):
+    reach, record = pool()
+    T = record.sample_time
+    fine = replace(reach, sample_time=T / 10)
+    assert reach.half_time == pytest.approx(fine.half_time, abs=0.3 * T)
+    ramp = LinearPool.nominal(record, "none", surface_area=6.7e5, delay=delay)
+    assert replace(reach, model=replace(reach.model, reach=ramp)).half_time == pytest.approx(delay, abs=1.0)
+
+
 def test_routing_parameters_give_the_step_response(tmp_path):
     reach, record = pool("none")
     found = routing(reach)
-    assert found["Ad"] == pytest.approx(6.7e5, rel=0.01) and found["delay"] == pytest.approx(900.0, abs=133.0)
+    assert found["Ad"] == pytest.approx(6.7e5, rel=0.01) and found["delay"] == pytest.approx(900.0, abs=1.0)
     assert abs(found["p21"]) * 6.7e5 < 300.0 and abs(found["p22"]) * 6.7e5 < 300.0  # no front: only the step
     reach, record = river()
     found = routing(reach)
     up = reach.kernels(300)["up"]
-    mean = ((1.0 - up / up[-1]) * 900.0).sum()
-    assert (
-        found["Lag_parameter"] + found["K_parameter"] == pytest.approx(mean, rel=1e-3) and found["gain"] > 0.9
-    )
+    delay, *_, held, hold = (p.natural for p in reach.model.reach.parameters[:5])
+    assert found["Lag_parameter"] + found["K_parameter"] == pytest.approx(delay + held * hold, rel=2e-3)
+    time = 900.0 * np.arange(300)
+    for at, share in ((found["Lag_parameter"], 0.1), (reach.half_time, 0.5)):
+        assert np.interp(at, time, up / up[-1]) == pytest.approx(share, abs=1e-4)
+    assert found["gain"] > 0.9
     paths = export(written(reach, record, tmp_path), tmp_path / "to", "rtc-tools")
     (row,) = csv.DictReader(paths[0].read_text().splitlines())
     block = {key.split(".")[1] for key in row}
@@ -213,6 +226,13 @@ def test_delays_by_discharge(joined):
     rows = list(csv.DictReader(paths[0].read_text().splitlines()))
     assert [float(r["delay_s"]) for r in rows] == [7300.0, 3500.0] and law_of(joined)[0][1]["n"] == 60.0
     assert json.loads(paths[1].read_text())["written_by"] == f"rivid {rivid.__version__}"
+
+
+def test_a_season_without_a_law_has_its_reason(joined):
+    (joined / "delay_law.csv").write_text(LAW.partition("\n")[0] + "\n")
+    (joined / "delay_law.json").write_text(json.dumps({"reach": "gorge", "message": "12 days: too few"}))
+    with pytest.raises(NoDataError, match="no law of delay and discharge: 12 days: too few"):
+        law_of(joined)
 
 
 def test_links_of_pypsa(joined):

@@ -11,6 +11,7 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, print_error, wrap
 from rivid.errors import NoDataError, RividError
+from rivid.text import count
 
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
@@ -30,8 +31,8 @@ def command(out: Path, as_json: bool, console: Console) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 
     OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
-    reaches fail, where the delay has moved in the last week, which are silent, which changed since the
-    report before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The
+    reaches fail, where the delay has moved or does not fit the waves, which are silent, which changed since
+    the report before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The
     exit code is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
 
     \b
@@ -50,7 +51,7 @@ def command(out: Path, as_json: bool, console: Console) -> int:
     outcomes = kept(out)
     if not outcomes:
         raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
-    console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
+    console.phase(f"reading the outcomes of {_reaches(len(outcomes))}")
     with Store(out):
         _report(out, outcomes, None, None, as_json, console)
     console.phase("report")
@@ -84,8 +85,8 @@ def run_all(
         click.echo(json.dumps({"shard": str(options.shard), "reaches": len(outcomes)}))
     else:
         console.say(
-            f"shard {options.shard}: {len(outcomes)} of {len(reaches)} reaches, "
-            f"{computed:,} data sets estimated now\nwhen all shards are done: rivid fleet {out}"
+            f"shard {options.shard}: {len(outcomes):,} of {_reaches(len(reaches))}, "
+            f"{count(computed, 'data set')} estimated now\nwhen all shards are done: rivid fleet {out}"
         )
     return worst(3 if strict and o.code == 0 and (o.failures or o.bad_files) else o.code for o in outcomes)
 
@@ -105,21 +106,28 @@ def _report(
         print_summary(summary, computed, out)
 
 
+def _reaches(n: int) -> str:
+    return count(n, "reach", "reaches")
+
+
 def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
     """Print the counts of fleet.json and name the reaches to look at; `computed` as for :func:`_report`."""
     from rivid.fleet.report import minute
 
     now = "" if computed is None else f", {computed:,} estimated now"
     since = minute(summary["before"].get("made", ""))
-    click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
-    for kind, words in (
-        ("failing", "fail"),
-        ("left_band", "have a delay that has moved in the last week"),
-        ("unanswered", "have no answer in the last week"),
-        ("silent", "are silent"),
-        *([("changed", f"changed since the report of {since}")] if since else []),
+    click.echo(f"{_reaches(summary['reaches'])}, {count(summary['data_sets'], 'data set')}{now}")
+    for kind, one, many, rest in (
+        ("failing", "fails", "fail", ""),
+        ("left_band", "has", "have", " a delay that has moved in the last nine weeks"),
+        ("untested", "has", "have", " too few answered days for the test of the last week"),
+        ("doubtful", "has", "have", " a delay that does not fit the waves of [reach]"),
+        ("unanswered", "has", "have", " no answer in the last week"),
+        ("silent", "is", "are", " silent"),
+        *([("changed", "changed", "changed", f" since the report of {since}")] if since else []),
     ):
         names = summary[kind]
+        words = f"{one if len(names) == 1 else many}{rest}"
         listed = ", ".join([*map(abbreviate, names[:MOST_LINES]), *["..."][: len(names) > MOST_LINES]])
         text = f"{len(names):,} {words}" + (f": {listed}" if names and kind != "changed" else "")
         click.echo(click.style(wrap(text, 2), fg="red" if names and kind == "failing" else None))
@@ -137,5 +145,5 @@ def plan(reaches: "Sequence[Reach]", out: Path) -> int:
             code = 2 if error.exit_code == 2 else code
         else:
             click.echo(wrap(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
-    click.echo(f"{len(reaches):,} reaches")
+    click.echo(_reaches(len(reaches)))
     return code

@@ -11,6 +11,7 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
 from rivid.estimators import ESTIMATORS
+from rivid.text import count
 
 if TYPE_CHECKING:
     from rivid.config import Config
@@ -167,9 +168,8 @@ def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") 
     planned = make_plan(data_dir, settings, options)
     rows, _ = read_rows(out / ".rivid" / "segments")
     new = missing(planned.asked, rows)
-    click.echo(
-        f"{len(planned.windows)} data sets in all, {len(planned.asked)} selected, {len(new)} to estimate"
-    )
+    found = count(len(planned.windows), "data set")
+    click.echo(f"{found} in all, {len(planned.asked)} selected, {len(new)} to estimate")
     click.echo(f"estimators: {', '.join(settings.run.estimators)}; results would go to {out}")
     for window in new[:5]:
         click.echo(f"  {window.start or window.date}")
@@ -183,7 +183,8 @@ def _print_notes(summary: "Summary", console: Console, notes: list[str], options
     for path, reason in summary.bad_files:
         print_error(f"{path}: {reason}")
     if summary.dropped:
-        print_error(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
+        have = count(summary.dropped, "day of earlier runs has", "days of earlier runs have")
+        print_error(f"{have} no log any more: dropped from OUT")
     if summary.unasked and not options.shard:
         console.info(f"no longer configured, their rows leave the tables: {', '.join(summary.unasked)}")
     for name in summary.damaged:

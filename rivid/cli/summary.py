@@ -7,13 +7,14 @@ from itertools import groupby
 from typing import Any
 
 import click
+import numpy as np
 import pyarrow.parquet as pq
 
 from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.report.summary import SPREAD_OUT, facts, leading
+from rivid.report.summary import SPREAD_OUT, facts, leading, reasons
 from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
@@ -30,8 +31,9 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
             )
             click.echo("when all shards are done, the same command without --shard merges them")
         return
+    noun = "data set" if config.run.window else "day"
     if quiet:
-        _print_failures(summary)
+        _print_failures(summary, noun)
         return
     text = (
         f"{count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
@@ -44,19 +46,21 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
     for e in results.estimators:
         counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
         click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
-        for line in _numbers(results, e):
+        for line in _numbers(results, e, noun):
             click.echo(wrap(line, width + 4))
     if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
         click.echo(wrap(doubt, 2))
-    _print_failures(summary)
-    if not summary.reused:
+    _print_failures(summary, noun)
+    if not summary.reused and not config.run.window:
         click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
     shown = "report.html" if options.figures else "delays.csv"
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
+    if config.run.window:
+        click.echo("no report and no figures: data sets of [run] window are no days")
 
 
-def _print_failures(summary: Summary) -> None:
-    """The days that failed in this run, on stderr; consecutive days of like messages in one line."""
+def _print_failures(summary: Summary, noun: str) -> None:
+    """The data sets that failed in this run, on stderr; consecutive ones of like messages in one line."""
     failed: dict[str, tuple[Any, str]] = {}  # once a day, whatever the number of its estimators
     for row in summary.rows.select(["date", "key", "status", "message"]).to_pylist():
         if row["status"] == "failed" and row["key"] in summary.computed_keys:
@@ -64,7 +68,7 @@ def _print_failures(summary: Summary) -> None:
     for _, alike in groupby(failed.values(), lambda day: re.sub(r"[\d.,:-]+", "", day[1])):
         days = list(alike)
         first, message = days[0]
-        more = f" to {days[-1][0]} ({len(days)} days), the first" if len(days) > 1 else ""
+        more = f" to {days[-1][0]} ({count(len(days), noun)}), the first" if len(days) > 1 else ""
         line = wrap(f"{first}{more} failed: {message}", 2)
         click.echo(click.style(line, fg="red"), err=True)
 
@@ -84,31 +88,32 @@ def _doubt(results: Results, waves: tuple[float, float]) -> str:
     return ""
 
 
-def _numbers(results: Results, e: EstimatorResults) -> list[str]:
-    """The delay, its doubts, and a river's t50."""
+def _numbers(results: Results, e: EstimatorResults, noun: str) -> list[str]:
+    """The delay, its doubts, and a river's t50, of data sets called `noun`."""
     f, T_s, lines = facts(results, e), results.sample_time, []
     if has_t50(e).any():
         p = passage(results, e)
-        of = "80 % of the days" if p.with_t50 > FEW else "all days"
+        of = f"80 % of the {noun}s" if p.with_t50 > FEW else f"all {noun}s"
         lines.append(f"t50 {delays([p.median], T_s)}, {of} {duration([p.low * T_s, p.high * T_s])}")
     n, edge = f["with_delay"], f["at_bound"]
     if n:
         if f["common_days"] < SPREAD_OUT * n:
             span = travel_within(f["low"], f["high"], T_s)
-            lines.append(f"delay {samples_first([f['median']], T_s)}, 80 % of the days {span}")
+            lines.append(f"delay {samples_first([f['median']], T_s)}, 80 % of the {noun}s {span}")
         else:
-            of = f"{f['common_days']:,} of {count(n, 'day')}"
+            of = f"{f['common_days']:,} of {count(n, noun)}"
             lines.append(f"delay {samples_first(f['common'], T_s)} on {of}")
         if f["prior_only"]:
             what = "decided by the prior" if ESTIMATORS[e.estimator].rayleigh else "not decided by the data"
-            lines.append(f"{what} on {share(f['prior_only'], n)} of the days")
+            lines.append(f"{what} on {share(f['prior_only'], n)} of the {noun}s")
         if math.isfinite(f["least"]):
             low, median = probability(f["least"]), probability(f["probability"])
-            lines.append(f"probability {median} on the median day, {low} on the least certain")
+            days = f"on the median {noun}, {low} on the least certain"
+            lines.append(f"probability {median} (to within 0.1 sample) {days}")
         if edge:
-            lines.append(f"at an end of the searched delays on {share(edge, n)} of the days")
-    if beyond := int(e.at_bound.sum()) - edge:
-        lines.append(f"outside the searched delays on {count(beyond, 'day')}")
+            lines.append(f"at an end of the searched delays on {share(edge, n)} of the {noun}s")
+    for reason, times in reasons(e, e.at_bound & np.isnan(e.delay)):
+        lines.append(f"outside the searched delays on {count(times, noun)}: {reason}")
     return lines
 
 

@@ -180,6 +180,8 @@ class DelayLaw:
     covariance: Floats = field(default_factory=lambda: np.full((2, 2), np.nan))  # of (ln T0, b)
     scatter: float = np.nan  # standard deviation of ln T about the law, wrong days apart [-]
     level: float = LEVEL  # probability of the intervals
+    # by how much all delays may be too long, and too short: its intervals of delays include it
+    doubt: tuple[float, float] = (0.0, 0.0)
 
     def delay(self, discharge: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Delay by the law at any discharge [m3/s], and its interval, each of the discharge's shape.
@@ -191,7 +193,8 @@ class DelayLaw:
         V = self.covariance
         sd = np.sqrt(np.maximum(V[0, 0] - 2.0 * x * V[0, 1] + x * x * V[1, 1], 0.0))
         half = _factor(self.blocks) * sd
-        return np.exp(middle), np.exp(middle - half), np.exp(middle + half)
+        long, short = self.doubt
+        return np.exp(middle), np.maximum(np.exp(middle - half) - long, 0.0), np.exp(middle + half) + short
 
 
 def delay_law(discharge: ArrayLike, delay: ArrayLike, *, day: ArrayLike | None = None) -> DelayLaw:

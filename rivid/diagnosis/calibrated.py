@@ -7,6 +7,7 @@ import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,11 @@ from rivid.diagnosis.response.river import RiverResponse
 from rivid.diagnosis.result import Diagnosis
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError, RividError
-from rivid.types import Floats
+from rivid.types import DAY, Floats
+
+SETTLED = 4.0 * DAY
+"""Length of a step response after which it has its final value, in a pool its final rate [s]."""
+RESPONSES: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,34 @@ class ReachModel:
         """
         model = self.model
         return step_responses(model.reach, samples, self.sample_time, model.level, model.flow)
+
+    @cached_property
+    def half_time(self) -> float:
+        """Time in which half of a small wave arrives at the usual flow [s].
+
+        A river: half of the step response. A pool: the time tau after which a front of the height J and the
+        final rise, by s in each sample, have the level and the area below it of the step response where its
+        front ends, at the sample m: J + s x and J x + s x^2 / 2, x = m - tau. A front within one sample is
+        known to a third of it.
+        """
+        up = self.kernels(max(round(SETTLED / self.sample_time), 2))["up"]
+        if self.kind == "river":
+            return reached(up, 0.5) * self.sample_time
+        rate = np.diff(up)
+        s = rate[-1]
+        first = int(np.argmax(rate >= 0.5 * s))
+        peak = first + int(np.argmax(np.diff(rate[first:]) <= 0.0))
+        m = peak + 1 + int(np.argmax(rate[peak + 1 :] < 0.5 * rate[peak]))  # never: a rise without a front
+        level, area = up[m], np.trapezoid(up[: m + 1])
+        x = (level - math.sqrt(max(level**2 - 2.0 * s * area, 0.0))) / s
+        return float(m - x) * self.sample_time
+
+
+def reached(up: Floats, share: float) -> float:
+    """Return when a step response (n,) reaches a share of its last value [samples], linear between them."""
+    after = max(int(np.argmax(up >= share * up[-1])), 1)
+    before = up[after - 1]
+    return after - 1 + float((share * up[-1] - before) / (up[after] - before))
 
 
 def calibration(model: Model) -> dict[str, Any]:

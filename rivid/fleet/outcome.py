@@ -80,6 +80,7 @@ class Outcome:
     # median of the last week less that of the weeks before [samples], 0 without a test; or that of the step
     change: float = 0.0
     since: str = ""  # ISO date of a step in the last nine weeks (:func:`rivid.report.summary.stepped`)
+    doubt: str = ""  # "fast" or "slow" (:func:`rivid.report.summary.doubted`)
     # the last five failed days of its last week, and their messages
     recent: list[tuple[str, str]] = field(default_factory=list)
 
@@ -91,7 +92,7 @@ def worst(codes: Iterable[int]) -> int:
 
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
-    from rivid.report.summary import last_week, leading, stepped
+    from rivid.report.summary import doubted, last_week, leading, stepped
     from rivid.results.read import day_numbers
     from rivid.results.store import brief_results
 
@@ -124,7 +125,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         week_median=float(np.median(answers)) if len(answers) else None, band=band(days, values),
         moved=trend["moved"] if trend else None,
         change=found[2] - found[1] if found else change, since=str(found[0]) if found else "",
-        recent=sorted(failed.items())[-5:],
+        doubt=doubted(results, recent) if recent else "", recent=sorted(failed.items())[-5:],
     )  # fmt: skip
 
 

@@ -41,7 +41,9 @@ band_high | number | samples | above it lies a twentieth
 median_last_week | number | samples | of the last seven days
 above_last_week | whole | days | of the last seven above the band
 below_last_week | whole | days | of the last seven below the band
-left_band | flag | | the delay has moved in the last week, by the test of the report; empty without a test
+left_band | flag | | the delay has moved, in the last week or by a step before; empty without a test or a step
+since | text | | date of a step in the last nine weeks; empty otherwise
+doubt | text | | `fast`: the delay is faster than any wave of `[reach]`; `slow`: much slower; empty otherwise
 """)
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
@@ -84,7 +86,9 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "data_sets": sum(o.data_sets for o in outcomes),
         "latest": latest,
         "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
-        "left_band": [o.reach for o in outcomes if o.moved],
+        "left_band": [o.reach for o in outcomes if o.moved or o.since],
+        "untested": [o.reach for o in outcomes if o.last and o.moved is None],
+        "doubtful": [o.reach for o in outcomes if o.doubt],
         "unanswered": [o.reach for o in outcomes if o.days_week and not o.answered_week],
         "silent": [o.reach for o in outcomes if o.last and behind(o) >= SILENT_AFTER],
         "changed": [
@@ -105,7 +109,7 @@ def _row(o: Outcome) -> dict[str, Any]:
         "median": b.get("median"), "band_low": b.get("low"), "band_high": b.get("high"),
         "median_last_week": o.week_median, "above_last_week": b.get("above"),
         "below_last_week": b.get("below"),
-        "left_band": o.moved,
+        "left_band": True if o.since else o.moved,
     }  # fmt: skip
 
 
@@ -116,7 +120,7 @@ def _context(outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[st
         return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
 
     of = {o.reach: o for o in outcomes}
-    lists = ("failing", "left_band", "unanswered", "silent", "changed")
+    lists = ("failing", "left_band", "doubtful", "unanswered", "silent", "changed")
     chosen = {name: [of[reach] for reach in found[name]] for name in lists}
     return {
         "name": found["name"],
@@ -124,7 +128,8 @@ def _context(outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[st
         "made": minute(found["made"]),
         "since": minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
-        "moved": sorted([*chosen["left_band"], *(o for o in outcomes if o.since)], key=widths, reverse=True),
+        "moved": sorted(chosen["left_band"], key=widths, reverse=True),
+        "doubtful": chosen["doubtful"],
         "tested": sum(o.moved is not None for o in outcomes),
         "level": LEVEL,
         "unanswered": chosen["unanswered"],

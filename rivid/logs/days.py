@@ -340,7 +340,10 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     if usual > MISSED * spacing:
         raise DataError(f"{text}: {_coarse(signal, usual, spec)}")
     if gaps[:-1].max() > allowed:
-        raise DataError(f"{text} ({_limit(spec)})")
+        held, day = int(times[-1] - times[0]), grid.end - grid.start
+        whole = 2 * held < day and gaps[1:-1].max(initial=0) <= allowed < gaps[-1]
+        part = f"; for a log of {_span(held)}, shorter than a day, set [run] window" if whole else ""
+        raise DataError(f"{text} ({_limit(spec)}){part}")
     if gaps[-1] <= signal.shift + spec.tolerance:
         text += ": the row that closes the day is the first of the next one's log, and is not there"
     raise TrailingGap(f"{text} ({_limit(spec)})")

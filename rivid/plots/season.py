@@ -35,7 +35,7 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
         formula = f"no law: {law.message}"
         if law.status == "ok":
             formula = f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}"
-            formula += f", {law.b_low:.2f} to {law.b_high:.2f}"
+            formula += f", b {law.b_low:.2f} to {law.b_high:.2f} ({_held(law)})"
         figure, (ax,) = style.sheet(title, f"{days.reach} · {formula} · {count(shown, 'day')}", [2.62])
         delay_law(ax, days, law)
         style.key(ax)
@@ -115,15 +115,18 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     style.second_axis(ax, days.sample_time, f"{what} [minutes]")
 
 
+def _held(law: DelayLaw) -> str:
+    return f"{100 * law.level:.0f} %"
+
+
 def _law(ax: Axes, law: DelayLaw, Q: Floats, T_s: float) -> None:
     """The law over the observed discharges, its interval, and that of a single day."""
     q, t = np.geomspace(Q.min(), Q.max(), 200), law.table
     middle, low, high = (v / T_s for v in law.delay(q))
     look: dict[str, Any] = {"color": style.ACCENT, "zorder": 3, "scalex": False, "scaley": False}
-    held = f"{law.level:.0%}".replace("%", " %")
     ax.plot(q, middle, lw=3.0, **look | {"color": "white"})  # the edge sets the line off from any marks
     ax.plot(q, middle, lw=1.7, label="law", **look)
-    ax.fill_between(q, low, high, color=style.ACCENT, alpha=0.3, lw=0, zorder=2.7, label=f"its {held}")
-    for end, name in ((t.day_low, f"a single day, {held}"), (t.day_high, None)):
+    ax.fill_between(q, low, high, color=style.ACCENT, alpha=0.3, lw=0, zorder=2.7, label=f"its {_held(law)}")
+    for end, name in ((t.day_low, f"a single day, {_held(law)}"), (t.day_high, None)):
         share = np.interp(np.log(q), np.log(t.discharge), end / t.delay)
         ax.plot(q, share * middle, lw=0.9, ls=DASHED, label=name, **look)

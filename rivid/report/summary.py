@@ -286,6 +286,12 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     }
 
 
+def reasons(e: EstimatorResults, days: Bools, most: int | None = None) -> list[tuple[str, int]]:
+    """Return the first remark on each of these days, (n,), and how often it stands, the commonest first."""
+    first = (text.split("; ")[0] for text, day in zip(e.messages, days, strict=True) if day)
+    return Counter(first).most_common(most)
+
+
 def _statuses(status: Sequence[str]) -> dict[str, int]:
     """Days without an answer by status, the gravest first."""
     return {name: n for name in NO_ANSWER if (n := list(status).count(name))}
@@ -296,14 +302,18 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
     finite = np.flatnonzero(np.isfinite(recent.values))
     tried = read.candidates(e)
     d = _median(e.delay[given])
-    code, statuses = "given", {}
+    code, asked = "given", np.zeros(len(e.dates), bool)
     if set(e.status) == {"pending"}:
         code = "pending"
     elif not finite.size:
-        code, statuses = "none", _statuses(e.status)
+        code, asked = "none", ~asked
     elif not given.any():
-        code = "none_in_week"
-        statuses = _statuses([s for s, inside in zip(e.status, recent.week, strict=True) if inside])
+        code, asked = "none_in_week", recent.week
+    interval = None
+    if given.any() and e.delay_low is not None and e.delay_high is not None:
+        below, above = (0.5, 0.5) if recent.quantity == "t50" else (0.0, 1.0)  # a t50 is rounded, a d cut off
+        interval = _median(e.delay_low[given]) - below, _median(e.delay_high[given]) + above
+    why = [(text, n) for text, n in reasons(e, asked) if text and 2 * n > asked.sum()]
     fast, slow = (2 * int((days & given).sum()) for days in impossible(results, e, recent.quantity))
     return {
         "code": code,
@@ -316,7 +326,9 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
         "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,
         "delay": d,
         "range": _ends(recent.values[given]),
-        "statuses": statuses,
+        "interval": interval if interval and np.isfinite(interval).all() else None,
+        "statuses": _statuses([s for s, day in zip(e.status, asked, strict=True) if day]),
+        "reason": why[0] if why else None,
         "latest": (e.dates[finite[-1]], float(recent.values[finite[-1]])) if finite.size else None,
         "at_end": recent.quantity != "t50" and tried.size > 2 and d in (tried[0], tried[-1]),
         "fast": bool(given.any() and fast >= given.sum()),
@@ -406,14 +418,16 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
     return {"code": "given", "gravity": gravity, "fast": fast, "days": days, "ratio": ratio, "slow": slow}
 
 
+def doubted(results: Results, recent: LastWeek) -> str:
+    """Return whether the report puts the last answers in doubt as too "fast" or too "slow"; else ""."""
+    now, waves = _now(results, recent), _waves(results, recent) or {}
+    return "fast" if now["fast"] else "slow" if now["slow"] or waves.get("slow") else ""
+
+
 def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
     f, tried = facts(results, e), read.candidates(e)
     ends = (float(tried[0]), float(tried[-1])) if tried.size else None
-    reasons = Counter(
-        text.split("; ")[0]
-        for text, status in zip(e.messages, e.status, strict=True)
-        if status == "unidentifiable" and ESTIMATORS[e.estimator].has_probability
-    )
+    unknown = np.array([status == "unidentifiable" for status in e.status])
     days = read.found(e)
     record: dict[str, Any] = {
         "estimator": e.estimator,
@@ -426,7 +440,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "travel_s": _median(e.travel_s[days]) if e.travel_s is not None else None,
         "half_s": _median(e.half_s[days]) if e.half_s is not None else None,
         "statuses": _statuses(e.status),
-        "reasons": reasons.most_common(MOST_REASONS),
+        "reasons": reasons(e, unknown, MOST_REASONS) if ESTIMATORS[e.estimator].has_probability else [],
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
     }

@@ -189,7 +189,8 @@ def law_of(days: SeasonDays) -> DelayLaw:
         t, low=np.maximum(t.low - long, 0.0), high=t.high + short,
         day_low=np.maximum(t.day_low - long, 0.0), day_high=t.day_high + short,
     )  # fmt: skip
-    return replace(law, T0_low=max(law.T0_low - long, 0.0), T0_high=law.T0_high + short, table=table)
+    low, high = max(law.T0_low - long, 0.0), law.T0_high + short
+    return replace(law, T0_low=low, T0_high=high, table=table, doubt=days.doubt)
 
 
 NAME = "posterior-season"
@@ -235,7 +236,7 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
     write_csv(table, out / "season.csv")
     classes = dict(zip(LAW_SCHEMA.names, vars(law.table).values(), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
-    values = {name: v for name, v in asdict(law).items() if name != "table"}
+    values = {name: v for name, v in asdict(law).items() if name not in ("table", "doubt")}
     values["covariance"] = law.covariance.tolist() if law.status == "ok" else None
     units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
     record = finite(values) | {

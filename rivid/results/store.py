@@ -60,8 +60,8 @@ travel_time_s | number | s | the travel time: with its fraction where an estimat
 half_response_s | number | s | `posterior`: travel time with half time of the gauge's lag; t50 of a river
 at_bound | flag | | the delay is the shortest or longest tried, or lies outside
 prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
-probability | number | | `posterior`: that the likeliest delay is right
-delay_low | number | samples | `posterior`: shortest of the fewest delays that together hold 90 %
+probability | number | | `posterior`: that the likeliest delay is right, to within a tenth of a sample
+delay_low | number | samples | `posterior`: shortest of the fewest delays that hold 90 %, without that tenth
 delay_high | number | samples | `posterior`: longest of them
 t50_samples | number | samples | rivers: the lag by which half of a step has arrived
 alpha | number | (m3/s)^2 | regularisation weight, noise over roughness variance
@@ -293,9 +293,9 @@ def digest(*parts: Any) -> str:
 
 CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
-SHORT = (  # columns in memory of all rows; of the messages, those of failed days
+SHORT = (  # columns in memory of all rows
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
-    "probability", "at_bound", "mean_inflow_m3s",
+    "probability", "at_bound", "mean_inflow_m3s", "bound_gravity_s", "bound_kinematic_s",
 )  # fmt: skip
 
 
@@ -303,8 +303,8 @@ SHORT = (  # columns in memory of all rows; of the messages, those of failed day
 class Rows:
     """Rows of segments."""
 
-    # columns SHORT, `message` of failed days, `spread` (whether the response has one), and `unit` and `row`,
-    # where the whole row is
+    # columns SHORT, `message` of failed days and of those with a delay beyond all candidates, `spread`
+    # (whether the response has one), and `unit` and `row`, where the whole row is
     table: pa.Table
     units: tuple[tuple[Path, int], ...] = ()  # files and their row groups
 
@@ -365,6 +365,7 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
         "output_unit": config.reach.output_unit,
         "delay_scale": np.nan,
         "estimators": config.run.estimators,
+        "assumed": assumed(config),
     }
     return results_of(run, delays, nothing, nothing)
 
@@ -426,9 +427,10 @@ def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
 
 def _short(whole: pa.Table, unit: int) -> pa.Table:
     """The columns of a row group that stay in memory."""
-    n, failed = len(whole), pc.equal(whole["status"], "failed")
+    n, beyond = len(whole), pc.and_(whole["at_bound"], pc.is_null(whole["delay_samples"]))
+    kept = pc.or_(pc.equal(whole["status"], "failed"), pc.fill_null(beyond, False))
     return pa.table({name: whole[name] for name in SHORT} | {
-        "message": pc.if_else(failed, whole["message"], pa.scalar(None, pa.string())),
+        "message": pc.if_else(kept, whole["message"], pa.scalar(None, pa.string())),
         "spread": whole["fir_sd"].is_valid(),
         "unit": whole_numbers(np.full(n, unit)),
         "row": whole_numbers(np.arange(n)),

@@ -210,9 +210,10 @@ def estimate_batch(batch: Batch) -> pa.Table:
             days, shared, notes = _measured(windows, [data for _, data in group], config)
             for name, estimator in build(config).items():
                 if n < estimator.min_samples:
+                    longer = estimator.min_samples * config.reach.sample_time
                     reason = DataError(
                         f"{n} samples are too few for {estimator.needed_for}: "
-                        f"lower {estimator.key}, or {config.run.lengthen}"
+                        f"lower {estimator.key}, or {config.run.lengthen(longer)}"
                     )
                     refused += [(window, name, reason) for window in windows]
                 else:
@@ -367,7 +368,7 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
         history = f", of which {unused} are history only" if unused else ""
         return (
             f"an FIR of order {order} is too long for {n} samples{history} ({condition}): lower [jmap] "
-            f"order, or {config.run.lengthen}"
+            f"order, or {config.run.lengthen((2 * order + unused) * config.reach.sample_time)}"
         )
     return f"the inflow moves too little: {condition}"
 
@@ -426,7 +427,7 @@ class Summary:
     """Counts and short rows of a run."""
 
     out: Path
-    rows: pa.Table  # of OUT in their order, or of the shard: `store.SHORT`, and `message` where a day failed
+    rows: pa.Table  # of OUT in their order, or of the shard: see :class:`rivid.results.store.Rows`
     windows: int  # data sets in DATA_DIR
     computed_keys: set[str]  # estimated in this run
     asked_keys: set[str]  # selected by its options

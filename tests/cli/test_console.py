@@ -61,6 +61,7 @@ def test_failed_days_fit_eighty_columns_and_are_printed_once_with_quiet(rivid, s
 def test_the_summary_of_a_fleet_fits_eighty_columns(capsys):
     names = [f"{LONG[:77]}{i:03d}" for i in range(300)]
     found = {"failing": names, "left_band": names[:1], "unanswered": [], "silent": [], "changed": []}
+    found |= {"untested": names, "doubtful": names}
     found |= {"reaches": 300, "data_sets": 9, "before": {"made": "2024-05-01T06:00:00+00:00"}}
     fleet.print_summary(found, 3, Path("out"))
     lines = capsys.readouterr().out.splitlines()

@@ -7,13 +7,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from rivid.cli.fleet import print_summary
 from rivid.config import Config
 from rivid.fleet.outcome import WEEK, Outcome, band, outcome_of, worst
 from rivid.fleet.report import write_fleet
 from rivid.report.attention import BAND_DAYS
-from rivid.report.summary import last_week
+from rivid.report.summary import doubted, last_week
 from tests.pages import Page
 from tests.report.runs import STEADY, simple
+
+GIVEN = {"length": 8200.0, "width": 220.0, "depth": 7.0, "discharge_range": [100.0, 900.0]}
+"""Geometry, so that the reach has bounds."""
 
 
 def rows_of(run):
@@ -32,6 +36,8 @@ def rows_of(run):
             "prior_only": e.prior_only,
             "probability": pa.nulls(n, pa.float64()),
             "at_bound": e.at_bound,
+            "bound_gravity_s": pa.array(e.bound_gravity_s, from_pandas=True),
+            "bound_kinematic_s": pa.array(e.bound_kinematic_s, from_pandas=True),
             "mean_inflow_m3s": pa.array(e.mean_inflow, from_pandas=True),
         }
     )
@@ -40,7 +46,9 @@ def rows_of(run):
 def outcome(run):
     summary = SimpleNamespace(rows=rows_of(run), exit_code=0, windows=9, computed=9, dropped=0, failures=0)
     summary.new_failures, summary.bad_files = 0, []
-    return outcome_of("a", Config.model_validate({"run": {"estimators": ["jmap"]}}), summary, "content")
+    return outcome_of(
+        "a", Config.model_validate({"run": {"estimators": ["jmap"]}, "reach": GIVEN}), summary, "content"
+    )
 
 
 def test_the_band_is_of_the_year_before_the_week_without_gaps():
@@ -72,8 +80,8 @@ def test_a_week_with_answers_has_its_median_with_and_without_a_band(days, tmp_pa
     assert (week.band is None) == (days - WEEK < BAND_DAYS)
     write_fleet(tmp_path, [week], "fleet")
     assert pq.read_table(tmp_path / "fleet.parquet")["median_last_week"].to_pylist() == [9]
-    band_of_page = "–" if week.band is None else "6 to 6"
-    assert f"{band_of_page} 9" in Page((tmp_path / "fleet.html").read_text()).words
+    band_of_page = "–" if week.band is None else "6 (13.3 to 15.5 min)"
+    assert f"{band_of_page} 9 (19.9 to 22.2 min)" in Page((tmp_path / "fleet.html").read_text()).words
 
 
 @pytest.mark.parametrize("shift", [0, 2])
@@ -89,7 +97,33 @@ def test_a_step_in_the_weeks_before_is_listed_with_its_date(tmp_path):
     got = outcome(simple(STEADY[:-20] + [d + 4 for d in STEADY[-20:]]))
     assert not got.moved and got.change == pytest.approx(4.0, abs=0.6)
     found = write_fleet(tmp_path, [got], "fleet")
-    assert got.since and found["left_band"] == [] and got.since in (tmp_path / "fleet.html").read_text()
+    assert got.since and found["left_band"] == ["a"] and got.since in (tmp_path / "fleet.html").read_text()
+    row = pq.read_table(tmp_path / "fleet.parquet").to_pylist()[0]
+    assert (row["left_band"], row["since"]) == (True, got.since)
+
+
+def test_reaches_without_a_test_are_counted_apart_from_those_that_rest(tmp_path, capsys):
+    found = write_fleet(tmp_path, [outcome(simple(STEADY[:10])), Outcome("c", 2, "broken")], "fleet")
+    assert (found["left_band"], found["untested"]) == ([], ["a"])
+    words = Page((tmp_path / "fleet.html").read_text()).words
+    assert "1 reach has too few answered days for the test of the last week" in words
+    print_summary(found, None, tmp_path)
+    said = capsys.readouterr().out
+    assert "1 has too few answered days for the test of the last week: a" in said
+    assert "2 reaches, 9 data sets" in said and "1 fails: c" in said
+
+
+@pytest.mark.parametrize(
+    ("wave", "d", "doubt"), [(1000.0, 7, ""), (1500.0, 7, "fast"), (500.0, 7, "slow"), (np.nan, 7, "")]
+)
+def test_a_delay_that_the_report_puts_in_doubt_is_listed(wave, d, doubt, tmp_path):
+    run = simple([d] * 30, bound_gravity_s=np.full(30, wave))
+    got = outcome(run)
+    assert got.doubt == doubt == doubted(run, last_week(run))
+    found = write_fleet(tmp_path, [got], "fleet")
+    assert found["doubtful"] == ["a"] * bool(doubt)
+    words = Page((tmp_path / "fleet.html").read_text()).words
+    assert ("1 reach has a delay that does not fit the waves" in words) == bool(doubt)
 
 
 def test_days_that_the_prior_decides_and_failed_days_are_no_answers_of_the_week():
@@ -107,7 +141,9 @@ def test_the_page_lists_what_moved_and_counts_what_was_tested(tmp_path):
     told = write_fleet(tmp_path, [moved, still, Outcome("c", 2, "broken")], "fleet")
     assert (told["left_band"], told["failing"]) == (["a"], ["c"])
     page = Page((tmp_path / "fleet.html").read_text())
-    assert "Of 2 tested" in page.words and "6 to 7 9 (19.9 min) +2.0 7 above of 7" in page.words
+    assert "Of 2 tested" in page.words
+    moved_row = "6 to 7 (13.3 to 17.7 min) 9 (19.9 to 22.2 min) +2.0 (4.4 min) 7 above of 7"
+    assert moved_row in page.words
     ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
     links = {attrs["href"] for tag, attrs in page.tags if tag == "a"}
     assert {link[1:] for link in links if link[0] == "#"} <= ids and "a/report.html" in links

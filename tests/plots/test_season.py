@@ -72,6 +72,16 @@ def test_the_law_is_drawn_over_the_days_in_samples(river, ax):
     assert any(np.array_equal(one.get_ydata(), days.travel[shown] / 133.0) for one in ax.lines)
 
 
+def test_the_band_of_the_law_is_that_of_its_table(ax):
+    days = dataclasses.replace(days_of(), doubt=(133.0, 66.5))
+    law = law_of(days)
+    season.delay_law(ax, days, law)
+    band = next(c for c in ax.collections if c.get_label() == "its 90 %").get_paths()[0].vertices
+    for at, *ends in zip(law.table.discharge, law.table.low, law.table.high, strict=True):
+        near = band[np.abs(band[:, 0] / at - 1) < 0.01, 1]
+        assert (near.min(), near.max()) == pytest.approx(np.array(ends) / 133.0, rel=0.01)
+
+
 @pytest.mark.parametrize("n", [1, 120])
 def test_both_files_are_readable_and_the_same_twice(n, tmp_path):
     days = days_of(n)

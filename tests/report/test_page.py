@@ -136,6 +136,8 @@ def test_names_and_reasons_are_text_and_never_markup(tmp_path):
         (simple([6], start=dt.date(2008, 3, 14)), "2008-03-14"),
         (simple([NAN] * 12 + [7, 7], ["failed"] * 12 + ["ok"] * 2), "2 of 7 days"),
         (simple([NAN] * 7, ["failed"] * 7), "None of 7 days has a delay: 7 failed"),
+        (simple([NAN] * 7, ["failed"] * 7, ["short"] * 7), "7 failed. On all of them: short."),
+        (simple([NAN] * 7, ["failed"] * 7, ["a", *["b; c"] * 6]), "7 failed. On 6 of 7 days: b."),
         (simple([NAN] * 3, ["pending"] * 3), "3 days are pending"),
         (simple([7] * 7 + [NAN] * 7, ["ok"] * 7 + ["failed"] * 6 + ["pending"]), "6 failed and 1 pending"),
         (with_travel(simple([7] * 14, name="posterior"), 0.25), "16.1 min (delay d = 7"),
@@ -208,7 +210,8 @@ def test_the_record_of_an_estimator_with_probabilities(tmp_path):
     e = run.estimators[0]
     words = write(run, tmp_path)[1].words
     given = e.probability[np.isfinite(e.delay)]
-    assert f"{np.median(given):.2f} of the delay on the median day, {given.min():.2f} on the least" in words
+    how = "of the delay, to within a tenth of a sample, on the median day"
+    assert f"{np.median(given):.2f} {how}, {given.min():.2f} on the least" in words
     assert "26 of 30 days (87 %)" in words and "Unidentifiable on 3 days: the likeliest delay" in words
     assert f"6 and 7: 26 of 26 days {np.median(given):.2f} 0 –" in words
     assert "90 % set" in words and "For posterior also" in words

@@ -202,6 +202,23 @@ def test_a_move_of_a_fraction_of_a_sample_is_found_where_the_fraction_is_known()
     assert t["now"] - t["before"] == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.parametrize("t50", [False, True])
+def test_the_last_week_has_the_ninety_per_cent_of_its_median_day(t50, tmp_path):
+    low, high = np.array([4, 6, 6, 6, 7, 7, 7.0]), np.array([7, 7, 7, 7, 8, 8, 9.0])
+    run = passing([6.6] * 7, [300.0] * 7) if t50 else with_travel(simple([7] * 7, name="posterior"), 0.25)
+    assert summary_of(run)["now"]["interval"] is None
+    (e,) = run.estimators[:1]
+    e = dataclasses.replace(e, delay_low=low, delay_high=high, probability=np.full(7, 0.9))
+    run = dataclasses.replace(run, estimators=[e])
+    assert summary_of(run)["now"]["interval"] == ((5.5, 7.5) if t50 else (6.0, 8.0))
+    _, page = write(run, tmp_path)
+    assert (
+        "with 90 % between 82.5 and 112 min" if t50 else "with 90 % between 13.3 and 17.7 min"
+    ) in page.words
+    if not t50:
+        assert "0.90 of the delay, to within a tenth of a sample" in page.words
+
+
 def test_a_week_without_an_answer_has_its_reasons_and_the_latest_value():
     run = simple(STEADY[:-7] + [NAN] * 7, ["ok"] * 56 + ["failed"] * 6 + ["pending"])
     now = summary_of(run)["now"]
@@ -212,6 +229,11 @@ def test_a_week_without_an_answer_has_its_reasons_and_the_latest_value():
 def test_failing_and_pending_records_have_their_codes():
     now = summary_of(simple([NAN] * 7, ["failed"] * 7))["now"]
     assert (now["code"], now["statuses"], now["latest"]) == ("none", {"failed": 7}, None)
+    assert now["reason"] is None
+    for times in (7, 4, 3):
+        messages = ["too short; remark"] * times + ["other"] * (7 - times)
+        now = summary_of(simple([NAN] * 7, ["failed"] * 7, messages))["now"]
+        assert now["reason"] == (("other", 4) if times == 3 else ("too short", times))
     s = summary_of(simple([NAN] * 3, ["pending"] * 3))
     assert s["now"]["code"] == "pending" and s["moved"] is None and s["prior"] is None
     s = summary_of(dataclasses.replace(simple([7]), estimators=[]))

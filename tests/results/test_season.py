@@ -417,3 +417,7 @@ def test_the_doubt_of_stamps_that_are_not_declared_is_in_the_intervals(tmp_path,
     assert law.T0_high == pytest.approx(alone.T0_high + short)
     assert np.allclose(law.table.high, alone.table.high + short)
     assert np.allclose(law.table.day_low, alone.table.day_low - long)
+    at = law.table.discharge
+    assert np.allclose(law.delay(at)[1], np.maximum(alone.delay(at)[1] - long, 0.0))
+    assert np.allclose(law.delay(at)[2], alone.delay(at)[2] + short)
+    assert np.allclose(law.delay(at), [law.table.delay, law.table.low, law.table.high], rtol=1e-3)

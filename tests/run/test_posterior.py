@@ -127,7 +127,9 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     assert [r["delay_samples"] + r["delay_s"] + r["probability"] for r in rows[:3]] == [""] * 3
     assert "d_max = 15" in rows[0]["message"] and "d_min = 4" in rows[2]["message"]
     assert rows[3]["delay_samples"] == "7"
-    assert "searched delays on 3 days" in said
+    said = " ".join(said.split())
+    assert "searched delays on 2 days: the delay is longer than d_max = 15: raise" in said
+    assert "searched delays on 1 day: the delay is shorter than d_min = 4: lower" in said
     config.write_text("[posterior]\nd_max = 25\n")
     rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
     assert [r["delay_samples"] for r in rows_of(tmp_path / "out")] == [str(d) for d in planted]

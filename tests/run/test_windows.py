@@ -2,10 +2,13 @@
 
 import csv
 import datetime as dt
+import re
+import tomllib
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import tomli_w
 
 import rivid as package
 from rivid.check import check
@@ -129,7 +132,25 @@ def test_a_data_set_too_short_for_the_response_names_the_key(logs, tmp_path):
     settings = SETTINGS | {"run": {"window": "2 s", "estimators": ["jmap"]}}
     summary = run(logs, tmp_path / "out", parse(settings, Config), Options(workers=1))
     assert summary.failures == summary.windows == 44
-    assert "lengthen [run] window" in rows_of(tmp_path / "out")[0]["message"]
+    message = rows_of(tmp_path / "out")[0]["message"]
+    longer = re.search(r'set \[run\] (window = "\d+ s") or longer', message)
+    settings["run"] |= tomllib.loads(longer[1])
+    assert run(logs, tmp_path / "out", parse(settings, Config), Options(workers=1)).failures == 0
+
+
+def test_a_log_of_minutes_that_is_read_as_a_day_is_sent_to_the_window(logs, tmp_path):
+    settings = {name: value for name, value in SETTINGS.items() if name != "run"}
+    (day,) = check(logs, parse(settings, Config)).days
+    assert day.status == "failed" and day.reason.endswith("shorter than a day, set [run] window")
+    code, said = rivid("sniff", next(logs.iterdir()))
+    assert code == 0 and "set [run] window" in " ".join(said.replace("#", " ").split())
+
+
+def test_the_terminal_counts_data_sets_and_states_that_there_is_no_report(logs, tmp_path):
+    (tmp_path / "c.toml").write_text(tomli_w.dumps(SETTINGS))
+    code, said = rivid("run", logs, "--config", tmp_path / "c.toml", "--out", tmp_path / "out")
+    assert code == 0 and "4 data sets" in said
+    assert " day" not in said.partition("no report and no figures")[0] and "rivid check" not in said
 
 
 @pytest.mark.parametrize("given", [{"window": "0 s"}, {"window": "2 days"}, {"window": "13 h"}])

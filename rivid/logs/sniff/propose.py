@@ -28,6 +28,7 @@ HEAD_BYTES = 2 << 20  # bytes from the beginning that are read for the layout: a
 HEAD_ROWS = 20_000  # rows of these
 MOST_NAMES = 3  # files that are named at the top of the proposal
 UNSTEADY = 0.3  # share of odd steps [-] beyond which values come when they change, not regularly
+BRIEF = 1.0  # sample time below which a record is taken for one of minutes, of a laboratory [s]
 FILL_IN = (
     "# fill in; what is left out is taken from the reach of the examples:",
     "# length =           # m, from dam to dam",
@@ -70,7 +71,8 @@ def _look(path: Path) -> Layout:
     if not guess_time(layout):
         raise DataError(
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
-            'set [input] time and time_format: that of strptime, "unix" for s since 1970, "unix_ms" for ms'
+            'set [input] time and time_format: that of strptime, "unix" for s since 1970 or another begin, '
+            '"unix_ms" for ms'
         )
     encoding = layout.encoding
     if encoding == "utf-16":  # the byte order mark is at the other end
@@ -249,6 +251,8 @@ class Proposal:
             '"instant"? ([input.stamp]) Without it, a time is an instant; if that is wrong of a flow, '
             f"a delay is off by up to one interval{late}",
         )
+        if 0.0 < step * self.every < BRIEF:
+            self.ask("", 'a data set is a day: for shorter ones set [run] window, as window = "60 s"')
 
     def _toml(self, name: str) -> str:
         """The keys that differ from the defaults, other choices in comments below them, and the questions."""
