@@ -168,7 +168,11 @@ def test_a_short_pool_settles_where_local_steps_end_in_another_maximum(seeds):
         begun = [settled(model, record, number) for number in range(CHAINS)]
         (best,) = fits([replace(model, reach=truth)], record, fresh=12)
         local, found = (fits(models, record, fresh=12)[0] for models in ([model], begun))
-        behind.append([record.days * (best.likely - one.likely) for one in (local, found)])
+        likely = [
+            one.one.noise.log_likelihood(np.where(record.used, one.one.residual, np.nan)).sum()
+            for one in (best, local, found)
+        ]
+        behind.append(likely[0] - np.array(likely[1:]))
     local, found = np.array(behind).T
     print("nats below the truth, from the nominal channel and settled:", local.round(), found.round())
     assert found.sum() < 0.3 * local.sum() and local.sum() > 1000.0 * seeds
