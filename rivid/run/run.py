@@ -311,7 +311,8 @@ def _rows(
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
         columns[column] = getattr(answer, column)
     if answer.fir is not None and reach.kind == "river":
-        columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
+        half = half_time(answer.fir) if travel is None else travel
+        columns["t50_samples"] = np.where(identified, half, np.nan)
     outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
     at_bound, known = outside, outside
     if answer.candidates is not None and answer.curve is not None:
