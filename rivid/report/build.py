@@ -10,7 +10,7 @@ from rivid.report import strip
 from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page
 from rivid.report.summary import WEEKS, facts, last_week, summarise
-from rivid.results.read import CLEAR, Results, passage
+from rivid.results.read import CLEAR, Results, passage, rounded
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year
@@ -59,6 +59,7 @@ def write_report(
         "weeks": WEEKS,
         "clear": CLEAR,
         "probable": any(ESTIMATORS[e.estimator].has_probability for e in results.estimators if e.dates),
+        "rounded": {e.estimator for e in results.estimators if e.dates and rounded(results, e)},
         "not_judged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
         "estimators": [(e, facts(results, e), passage(results, e)) for e in results.estimators if e.dates],
         "groups": _groups(figures, represents["estimator"] if represents else ""),

@@ -359,7 +359,7 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[s
     """How many days the prior, or chance, decides; or how probable the delays are."""
     e, given = recent.estimator, recent.given
     n = int(given.sum())
-    if recent.quantity == "t50":
+    if recent.quantity == "t50" and not ESTIMATORS[e.estimator].has_probability:
         part: dict[str, Any] = {"code": "response", "jump": read.estimates_delay(e), "lead": None}
         if read.estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)

@@ -19,11 +19,13 @@ from rivid.plots.draw import draw
 from rivid.report.build import write_report
 from rivid.report.page import caption
 from rivid.results.read import results_of
+from rivid.text import samples_first
 from tests.plots.synthetic import (
     cases,
     dates_of,
     draw_all,
     probable,
+    probable_river,
     results,
     river,
     searched,
@@ -195,6 +197,24 @@ def test_the_rows_of_a_river(tmp_path):
     words = write(river(40), tmp_path)[1].words
     assert "map for t50 and jmap for the jump delay" in words and "d = 23 to 27" in words
     assert "Median t50" in words
+
+
+def test_a_river_follows_posterior_of_which_d_is_t50_rounded(tmp_path):
+    """Regression: t50 was that of jmap, and d of posterior a jump of the response from d to d + 1."""
+    run = probable_river()
+    e = run.estimators[1]
+    html, page = write(run, tmp_path, draw_all(run, tmp_path))
+    words = " ".join(page.words.replace("\u00a0", " ").split())
+    rows, d = top(html), int(np.nanmedian(e.delay))
+    assert "By <code>posterior</code>; the other" in html and "t50 of each day by posterior" in words
+    assert "Probability" in rows and "Part of the prior" not in rows
+    assert "Jump delay d" not in words and "It is t50 to the nearest sample" in words
+    assert f"{d} samples ({samples_first([d], 900, True).split('(')[1]}" in words
+    assert "between d - 1/2 and d + 1/2 samples" in words and "between d and d + 1 samples, or" not in words
+    captions = {(f.kind, f.estimator): caption(f) for f in draw_all(run, tmp_path)}
+    assert not any("looks for a jump" in text for (_, name), text in captions.items() if name == "posterior")
+    assert "band from d - 1/2 to d + 1/2 holds t50" in captions["fir_day", ""]
+    assert "as a delay" not in captions["delay_map", "posterior"]
 
 
 def test_a_pool_without_such_estimators_does_not_mention_rivers_cusum_or_probabilities(drawn):
