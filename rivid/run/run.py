@@ -212,7 +212,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
                 if n < estimator.min_samples:
                     reason = DataError(
                         f"{n} samples are too few for {estimator.needed_for}: "
-                        f"lower {estimator.key}, or {config.run.lengthen}"
+                        f"{config.run.lengthen}, or lower {estimator.key}"
                     )
                     refused += [(window, name, reason) for window in windows]
                 else:
@@ -367,8 +367,8 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
     if 2 * order > n - unused:  # fewer than two samples for each coefficient
         history = f", of which {unused} are history only" if unused else ""
         return (
-            f"an FIR of order {order} is too long for {n} samples{history} ({condition}): lower [jmap] "
-            f"order, or {config.run.lengthen}"
+            f"an FIR of order {order} is too long for {n} samples{history} ({condition}): "
+            f"{config.run.lengthen}, or lower [jmap] order"
         )
     return f"the inflow moves too little: {condition}"
 
