@@ -92,7 +92,7 @@ def cascade(rng: np.random.Generator, u: Floats, lateral: Floats, flow: Floats) 
 
 
 def river(kind: str, seed: int, days: int = 22) -> tuple[Floats, Floats, Floats]:
-    """Return measured inflow and outflow [m3/s], and the true t50 [samples] of each day after the warm-up."""
+    """Return measured inflow and outflow [m3/s], and the true t50 [samples] of each day from the last of the warm-up on."""
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     mean = rng.uniform(60.0, 350.0)
     u = releases(rng, days + STEADY, mean)
@@ -103,13 +103,13 @@ def river(kind: str, seed: int, days: int = 22) -> tuple[Floats, Floats, Floats]
     if rng.random() < 0.3:
         wander += size * np.cos(2.0 * np.pi * (np.arange(n) / DAY - rng.random()))
     lateral = np.repeat(wander + 0.02 * mean, FINE)
-    flow = np.array([np.median(u[(STEADY + j) * DAY * FINE :][: DAY * FINE]) for j in range(days)])
+    flow = np.array([np.mean(u[(STEADY + j) * DAY * FINE :][: DAY * FINE]) for j in range(-1, days)])
     if kind == KINDS[2]:
         y, fine = cascade(rng, u, lateral, flow)
         t50 = fine / FINE
     else:
         y, half = linear_river(rng, u, kind == KINDS[1])
-        y, t50 = y + lateral, np.full(days, half / FINE)
+        y, t50 = y + lateral, np.full(len(flow), half / FINE)
     u, y = (x[::FINE] * (1.0 + rng.normal(0.0, 0.004, n)) for x in (u, y))
     step = float(rng.choice([0.0, 0.005, 0.012])) * mean
     return (u, y, t50) if step == 0.0 else (np.round(u / step) * step, np.round(y / step) * step, t50)
@@ -132,7 +132,7 @@ def simulated(n_rivers: int) -> str:
             for kind in KINDS:
                 u, y, truth = river(kind, 9000 + seed)
                 U, Y = windows(u, y, days, starts)
-                t50 = np.array([truth[j : j + days].mean() for j in starts])
+                t50 = np.array([truth[j : j + days + 1].mean() for j in starts])
                 began = time.process_time()
                 p = posterior_river(U, Y, s)
                 seconds.append((time.process_time() - began) / len(U))
@@ -196,7 +196,7 @@ def measured() -> str:
         began = time.process_time()
         p = posterior_river(U[:, past], Y[:, past], s)
         seconds = (time.process_time() - began) / len(U)
-        flow, ok = np.median(U[:, DAY : 4 * DAY], axis=1) / CFS / 1e4, p.status == "ok"
+        flow, ok = np.mean(U[:, past], axis=1) / CFS / 1e4, p.status == "ok"
         a, b, error = law(flow[ok], p.place[ok] / 4.0)
         lag = correlation_lag(U[:, past], Y[:, past], 2 * usual + GAP) / 4.0
         c, d, other = law(flow, np.maximum(lag, 0.25))
@@ -227,7 +227,7 @@ def foretell(
     models = {
         "t50's response": [np.convolve(a, h)[: len(a)] for a, h in zip(U, fir, strict=True)],
         "the same, high water sooner": [
-            np.convolve(hastened(a, float(np.median(a[DAY:past])), q), h)[: len(a)]
+            np.convolve(hastened(a, float(np.mean(a[:past])), q), h)[: len(a)]
             for a, h, q in zip(U, fir, lead, strict=True)
         ],
         "JMAP's response": [

@@ -199,6 +199,10 @@ class ReachConfig(Section):
         return "m" if self.kind == "pool" else "m3/s"
 
 
+MOST_DAYS = 31
+"""Most days of a data set: it has one delay, which does not hold for seasons."""
+
+
 class RunConfig(Section):
     """`[run]`: which estimators, on data sets of how many days."""
 
@@ -206,7 +210,7 @@ class RunConfig(Section):
         Field(["jmap", "posterior"], min_length=1)
     )
     window_days: Annotated[
-        int, Field(ge=1, le=31), Means("length of a data set; it is dated by its last day", "days")
+        int, Field(ge=1, le=MOST_DAYS), Means("length of a data set; it is dated by its last day", "days")
     ] = 1
     window: Annotated[
         Annotated[str, Field(pattern=r"^\d+(\.\d+)? ?(s|min|h)$")] | None,

@@ -69,7 +69,7 @@ class Answer:
     prior_only: Bools | None = None
     reason: Strings | None = None  #: why a day has no estimate; empty where u and y show it (constant)
     fir_sd: Floats | None = None  #: standard deviation of h, (days, M)
-    travel: Floats | None = None  #: travel time with its fraction [samples], about d to d + 1
+    travel: Floats | None = None  #: travel time with its fraction, of a river t50 [samples]
     half: Floats | None = None  #: the same with the half time of the gauge's lag [samples]
     probability: Floats | None = None  #: that the likeliest delay is right; NaN without probabilities
     delay_low: Floats | None = None  #: ends of the smallest set of delays with a probability of 90 %
@@ -373,7 +373,7 @@ ESTIMATORS = _Registry(
         _of_cusum("cusum-map", "CUSUM on the MAP response", partial(_cusum, "map")),
         Estimator(
             "posterior", "probability of each delay, averaged over equations", _posterior,
-            table="posterior", has_probability=True, delay_rank=2,
+            table="posterior", has_probability=True, delay_rank=2, t50_rank=4,
         ),
     )
 )  # fmt: skip

@@ -138,15 +138,17 @@ def step(sample_time: float) -> str:
     return f"{number(sample_time)} s"
 
 
-def travel(values: Sequence[float], sample_time: float) -> str:
+def travel(values: Sequence[float], sample_time: float, rounded: bool = False) -> str:
     """The travel time that a delay stands for, or several alternatives, the lowest first [samples].
 
-    At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; a median between two delays
-    stands for both. Spans that are apart are joined as in "13.3 to 15.5 or 19.9 to 22.2 min".
+    At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; where d is a `rounded` t50,
+    between (d - 1/2) T_s and (d + 1/2) T_s. A median between two delays stands for both. Spans that are apart
+    are joined as in "13.3 to 15.5 or 19.9 to 22.2 min".
     """
     spans: list[tuple[float, float]] = []
+    early = 0.5 if rounded else 0.0
     for d in values:
-        low, high = math.floor(d) * sample_time, (math.ceil(d) + 1) * sample_time
+        low, high = ((end - early) * sample_time for end in (math.floor(d), math.ceil(d) + 1))
         if spans and low <= spans[-1][1]:
             spans[-1] = spans[-1][0], high
         else:
@@ -159,14 +161,14 @@ def travel(values: Sequence[float], sample_time: float) -> str:
     return f"{listed(spans_given, 'or')} {unit}"
 
 
-def travel_within(low: float, high: float, sample_time: float) -> str:
-    """The travel times that the delays from `low` to `high` [samples] stand for."""
-    return travel([float(d) for d in range(math.floor(low), math.ceil(high) + 1)], sample_time)
+def travel_within(low: float, high: float, sample_time: float, rounded: bool = False) -> str:
+    """The travel times that the delays from `low` to `high` [samples] stand for, as :func:`travel`."""
+    return travel([float(d) for d in range(math.floor(low), math.ceil(high) + 1)], sample_time, rounded)
 
 
-def samples_first(values: Sequence[float], sample_time: float) -> str:
-    """Delays and their travel time, such as "5 samples (25 to 30 min)"."""
-    return f"{samples(values)} ({travel(values, sample_time)})"
+def samples_first(values: Sequence[float], sample_time: float, rounded: bool = False) -> str:
+    """Delays and their :func:`travel` time, such as "5 samples (25 to 30 min)"."""
+    return f"{samples(values)} ({travel(values, sample_time, rounded)})"
 
 
 def travel_first(values: Sequence[float], sample_time: float) -> str:

@@ -106,6 +106,18 @@ def test_changes_reach_the_estimators_and_rounding_noise_is_no_motion(day):
     assert rivid.posterior(day, answer_above=1.0).status == "unidentifiable"
 
 
+def test_a_river_has_its_travel_time_around_the_delay():
+    """Regression: of d = 5, which is t50 rounded, it was that of a jump between 5 and 6 samples."""
+    rng = np.random.default_rng(3)
+    flow = 300.0 + 60.0 * np.repeat(rng.standard_normal(96), 4)
+    late = np.convolve(np.r_[np.full(8, flow[0]), flow], [0, 0, 0, 0, 0.3, 0.4, 0.2, 0.1])[8:-7]
+    river = {"reach": {"kind": "river", "sample_time": 900}, "posterior": {"d_max": 12}}
+    found = rivid.posterior(flow, late + 0.5 * rng.standard_normal(len(flow)), config=river)
+    assert abs(found.travel - found.delay) <= 0.5
+    low, high = ((found.delay + side) * 15 for side in (-0.5, 0.5))
+    assert f"({low:g} to {high:g} min)" in str(found)
+
+
 def test_posterior_of_arrays_is_that_of_days(season):
     days = [season.day(i) for i in range(4)]
     many = rivid.posterior(*(np.stack([getattr(one, name) for one in days]) for name in "uyo"))

@@ -39,6 +39,7 @@ class _DelayResult(Result):
     fir: Floats
     output_unit: str
     date: dt.date | None
+    _rounded = False  # whether d is a t50 between d - 1/2 and d + 1/2 samples, not a time from d to d + 1
 
     @abstractmethod
     def _day_facts(self) -> str: ...
@@ -60,9 +61,10 @@ class _DelayResult(Result):
             return [(2.9, lambda axes: library.responses(axes, self.fir, self.delay))]
         name, values, sd, reason = self._curve()
         d, order = float(self.delay), len(self.fir)
+        curve = self.candidates, values, d, order, name, reason, self._rounded
         return [
-            (1.9, lambda axes: library.response(axes, self.fir, sd, d, self.output_unit)),
-            (1.2, lambda axes: library.by_delay(axes, self.candidates, values, d, order, name, reason)),
+            (1.9, lambda axes: library.response(axes, self.fir, sd, d, self.output_unit, self._rounded)),
+            (1.2, lambda axes: library.by_delay(axes, *curve)),
         ]
 
 
@@ -100,13 +102,13 @@ class DelayProbabilities(_DelayResult):
     status : ndarray of str, shape (days,)
         "ok" or "unidentifiable".
     delay : ndarray, shape (days,)
-        The most probable delay [samples]; NaN unless the status is "ok".
+        The most probable delay [samples], of a river t50 rounded; NaN unless the status is "ok".
     probability : ndarray, shape (days,)
         Probability that this delay is right; NaN on a day without probabilities.
     delay_low, delay_high : ndarray, shape (days,)
         Ends of the smallest set of delays with 90 % probability [samples].
     travel : ndarray, shape (days,)
-        The travel time with its fraction [samples]; NaN unless the status is "ok".
+        The travel time with its fraction, of a river t50 [samples]; NaN unless the status is "ok".
     candidates : ndarray of int, shape (K,)
         The delays tried [samples].
     probabilities : ndarray, shape (days, K)
@@ -138,11 +140,15 @@ class DelayProbabilities(_DelayResult):
 
     _heading = "Probability of each delay"
 
+    @property
+    def _rounded(self) -> bool:  # type: ignore[override]
+        return self.output_unit != "m"
+
     def _day_facts(self) -> str:
         if str(self.status) != "ok":
             return f"{self.status}: {self.reason}"
         return (
-            f"{describe_delay(float(self.delay), self.sample_time)}, right with "
+            f"{describe_delay(float(self.delay), self.sample_time, self._rounded)}, right with "
             f"{probability(float(self.probability))}; 90 % within {float(self.delay_low):.0f} to "
             f"{float(self.delay_high):.0f}"
         )
@@ -411,12 +417,12 @@ def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Con
     return parse(raw, Config, "posterior")
 
 
-def describe_delay(delay: float, sample_time: float | None) -> str:
+def describe_delay(delay: float, sample_time: float | None, rounded: bool = False) -> str:
     """Return a delay in samples and, if T_s is known, as a travel time."""
     if not np.isfinite(delay):
         return "no delay"
     lag = f"d = {samples([delay])}"
-    return lag if sample_time is None else f"{lag} ({travel([delay], sample_time)})"
+    return lag if sample_time is None else f"{lag} ({travel([delay], sample_time, rounded)})"
 
 
 def describe_days(status: Strings, delay: Floats) -> str:

@@ -35,7 +35,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
 
     from rivid.atomic import write_text
     from rivid.cli.locate import configuration
-    from rivid.config import DAY, load_config
+    from rivid.config import DAY, MOST_DAYS, load_config
     from rivid.core.settings import MAX_ORDER
     from rivid.report.page import terminal
 
@@ -75,12 +75,17 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
         lines += f"\n# a wave takes {longest:.0f} s or less, a sample {T_s:g} s: no delay can be resolved;"
         lines += f"\n# log every {longest / 2.0:.0f} s or more often"
     days = math.ceil((3 if reach.kind == "river" else 2) * proposal.order * T_s / DAY)
-    if days > settings.run.window_days:  # the response needs two samples for each of its lags
-        lines += f"\n# set [run] window_days = {days} or more: the response is long beside a data set"
+    tables = {"jmap": lines}
+    if days > settings.run.window_days and not settings.run.window:
+        # the response needs two samples for each of its lags
+        tables["run"] = f"[run]\nwindow_days = {min(days, MOST_DAYS)}"
+        if as_toml and "run" in settings.model_fields_set:  # a second [run] would be no TOML
+            tables["run"] = f"# set window_days = {min(days, MOST_DAYS)} in [run]: the response is long"
+    lines = "\n\n".join(tables.values())
     if too_long and (write is not None or as_toml):
         raise ConfigError(too_long)
     if write is not None:
-        write_text(write, updated(write, lines))
+        write_text(write, updated(write, tables))
         click.echo(f"written: {write}")
         return 0
     if as_toml:
@@ -95,27 +100,30 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     return 0
 
 
-def updated(path: Path, lines: str) -> str:
-    """The text of a configuration with these lines in its table [jmap]; other keys and comments stay."""
+def updated(path: Path, tables: dict[str, str]) -> str:
+    """The text of a configuration with these lines in its tables; other keys and comments stay."""
     from rivid.config import read_toml
 
-    if not path.exists():
-        return f"{lines}\n"
-    table, text = read_toml(path).get("jmap"), path.read_text(encoding="utf-8")
-    if table is None:
-        return f"{text.rstrip()}\n\n{lines}\n".lstrip()
-    new = lines.splitlines()
-    stale = {"M", *map(_without_value, new)}  # M is the order
-    kept, inside = [], False
-    for line in text.splitlines():
-        if line.lstrip().startswith("["):
-            inside = re.fullmatch(r"\s*\[\s*jmap\s*\]\s*(#.*)?", line) is not None
-            kept += new if inside else [line]
-        elif not (inside and _without_value(line) in stale):
-            kept.append(line)
-    if new[0] not in kept:
-        raise ConfigError(f"{path}: jmap has no line [jmap]: `rivid bounds --toml` prints what to put there")
-    return "\n".join(kept) + "\n"
+    given, text = (read_toml(path), path.read_text(encoding="utf-8")) if path.exists() else ({}, "")
+    for name, lines in tables.items():
+        if name not in given:
+            text = f"{text.rstrip()}\n\n{lines}\n".lstrip()
+            continue
+        new = lines.splitlines()
+        stale = {"M", *map(_without_value, new)}  # M is the order
+        kept, inside = [], False
+        for line in text.splitlines():
+            if line.lstrip().startswith("["):
+                inside = re.fullmatch(rf"\s*\[\s*{name}\s*\]\s*(#.*)?", line) is not None
+                kept += new if inside else [line]
+            elif not (inside and _without_value(line) in stale):
+                kept.append(line)
+        if new[0] not in kept:
+            raise ConfigError(
+                f"{path}: {name} has no line [{name}]: `rivid bounds --toml` prints what to put there"
+            )
+        text = "\n".join(kept) + "\n"
+    return text
 
 
 def _without_value(line: str) -> str:

@@ -15,7 +15,7 @@ from rivid.config import Config
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
 from rivid.report.summary import SPREAD_OUT, facts, leading, reasons
-from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage
+from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage, rounded
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
@@ -95,14 +95,14 @@ def _numbers(results: Results, e: EstimatorResults, noun: str) -> list[str]:
         p = passage(results, e)
         of = f"80 % of the {noun}s" if p.with_t50 > FEW else f"all {noun}s"
         lines.append(f"t50 {delays([p.median], T_s)}, {of} {duration([p.low * T_s, p.high * T_s])}")
-    n, edge = f["with_delay"], f["at_bound"]
+    n, edge, whole = f["with_delay"], f["at_bound"], rounded(results, e)
     if n:
         if f["common_days"] < SPREAD_OUT * n:
             span = travel_within(f["low"], f["high"], T_s)
-            lines.append(f"delay {samples_first([f['median']], T_s)}, 80 % of the {noun}s {span}")
+            lines.append(f"delay {samples_first([f['median']], T_s, whole)}, 80 % of the {noun}s {span}")
         else:
             of = f"{f['common_days']:,} of {count(n, noun)}"
-            lines.append(f"delay {samples_first(f['common'], T_s)} on {of}")
+            lines.append(f"delay {samples_first(f['common'], T_s, whole)} on {of}")
         if f["prior_only"]:
             what = "decided by the prior" if ESTIMATORS[e.estimator].rayleigh else "not decided by the data"
             lines.append(f"{what} on {share(f['prior_only'], n)} of the {noun}s")

@@ -76,6 +76,7 @@ def _of_estimator(results: Results, e: EstimatorResults, kind: str, folder: Path
         "t50": bool(read.has_t50(e).any()),
         "interval": e.probability is not None,
         "travel": e.travel_s is not None,
+        "rounded": read.rounded(results, e),
     }
     if t := read.thirds(e):
         facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= read.CLEAR}
@@ -152,7 +153,7 @@ def _fir_day(results: Results, day: dt.date | None, folder: Path) -> FigureFile 
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.12 * (high - low) or 1.0
     for ax, (e, i) in zip(panels, shown, strict=False):
-        _response(ax, e, i, results.sample_time)
+        _response(ax, results, e, i)
         ax.set_ylim(low - margin, high + margin)
     for ax in panels[len(shown) :]:
         ax.remove()
@@ -160,21 +161,23 @@ def _fir_day(results: Results, day: dt.date | None, folder: Path) -> FigureFile 
     return style.written(
         figure, folder / "fir_day.png", title, unit=unit, band=any(e.fir_sd is not None for e, _ in shown),
         probable=any(one.has_probability for one in used), cusum=any(one.method == "CUSUM" for one in used),
+        rounded=any(read.rounded(results, e) for e, _ in shown),
     )  # fmt: skip
 
 
-def _response(ax: Axes, e: EstimatorResults, i: int, sample_time: float) -> None:
-    d, t50 = float(e.delay[i]), float(e.t50[i])
-    estimates.response(ax, e.fir[i], delay=d, sd=None if e.fir_sd is None else e.fir_sd[i], t50=t50)
+def _response(ax: Axes, results: Results, e: EstimatorResults, i: int) -> None:
+    d, t50, T_s, rounded = float(e.delay[i]), float(e.t50[i]), results.sample_time, read.rounded(results, e)
+    sd = None if e.fir_sd is None else e.fir_sd[i]
+    estimates.response(ax, e.fir[i], delay=d, sd=sd, t50=t50, rounded=rounded)
     ax.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
     ax.yaxis.get_offset_text().set(fontsize=7.5, color=style.GREY)
     facts = []
     if np.isfinite(d):
-        facts.append(f"d = {samples_first([d], sample_time)}")
+        facts.append(f"d = {samples_first([d], T_s, rounded)}")
         if e.probability is not None:
             facts.append(f"probability {probability(float(e.probability[i]))}")
     if np.isfinite(t50):
-        facts.append(f"t50 = {delays([round(t50, 1)], sample_time)}")
+        facts.append(f"t50 = {delays([round(t50, 1)], T_s)}")
     style.heading(ax, e.estimator, at=1, up=16, fontweight="bold")
     style.heading(ax, " · ".join(facts) or "no delay of its own", at=1, fontsize=8, color=style.GREY)
     estimates.grey_bar(ax, e.fir[i])

@@ -146,11 +146,13 @@ def _framed(ax: Axes) -> None:
 
 
 def response(
-    ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
-) -> None:
+    ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan,
+    rounded: bool = False,
+) -> None:  # fmt: skip
     """The impulse response of one day, shape (M,), with two standard deviations `sd` to either side.
 
-    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none.
+    The jump at `delay` is a coloured step, or a band where the delay is a `rounded` t50; `t50` is a dashed
+    line [samples]; NaN for none.
     """
     k = np.arange(len(fir))
     ax.axhline(0, color=style.LIGHT, lw=0.7)
@@ -158,8 +160,8 @@ def response(
         ax.fill_between(k, fir - 2 * sd, fir + 2 * sd, color=style.LIGHT, alpha=0.5, linewidth=0)
     ax.plot(k, fir, color=style.INK, lw=1.0, marker="o", ms=2.4)
     if np.isfinite(delay):
-        jump(ax, delay)
-        step = slice(int(delay), int(delay) + 2)
+        delay_band(ax, delay, rounded)
+        step = slice(int(delay), int(delay) + (1 if rounded else 2))
         ax.plot(k[step], fir[step], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
     if np.isfinite(t50):
         ax.axvline(t50, color=style.WATER, lw=1.0, ls=DASHED)
@@ -167,10 +169,11 @@ def response(
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 
 
-def jump(ax: Axes, delay: float) -> None:
-    """Shade the lags from d to d + 1, where the response jumps; nothing for NaN."""
+def delay_band(ax: Axes, delay: float, rounded: bool) -> None:
+    """Shade the lags from d to d + 1, where the response jumps, or those that round to d; nothing for NaN."""
     if np.isfinite(delay):
-        ax.axvspan(delay, delay + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
+        begin = delay - 0.5 if rounded else delay
+        ax.axvspan(begin, begin + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
 
 
 def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11, bins: int = 8) -> Axes:
@@ -267,7 +270,8 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
 def delay_map(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
     """Delay of each day over the record (Fig. 17), on an x axis of day numbers.
 
-    `counted`: with numbers of days in the legend, and the bounds (5): a wave arrives after (d + 1) T_s.
+    `counted`: with numbers of days in the legend, and the bounds (5): a wave arrives after (d + 1) T_s, where
+    d is a t50 rounded to samples after d T_s.
     """
     x, tried = read.day_numbers(e.dates), read.candidates(e)
     ax.set_ylabel("delay d [samples]")
@@ -290,7 +294,7 @@ def delay_map(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
             label = _class_label(name, e, int(days.sum()), counted)
             style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
     if counted:
-        bounds_over_days(ax, results, e, lead=1.0)
+        bounds_over_days(ax, results, e, lead=0.0 if read.rounded(results, e) else 1.0)
     style.second_axis(ax, results.sample_time, "d T_s [minutes]")
 
 

@@ -54,24 +54,30 @@ def daily(
     style.date_axis(axes, dates[0], dates[-1], labels=dated)
 
 
-def response(axes: Axes, fir: Floats, sd: Floats | None, delay: float, unit: str) -> None:
-    """Draw an impulse response with its jump and, where given, two standard deviations to either side."""
-    estimates.response(axes, fir, delay=delay, sd=sd)
+def response(
+    axes: Axes, fir: Floats, sd: Floats | None, delay: float, unit: str, rounded: bool = False
+) -> None:
+    """Draw an impulse response with its delay and, where given, two standard deviations to either side."""
+    estimates.response(axes, fir, delay=delay, sd=sd, rounded=rounded)
     axes.set_ylabel(f"response [{response_unit(unit)}]" if unit else "response")
 
 
 def by_delay(
-    axes: Axes, candidates: Any, values: Floats, delay: float, order: int, label: str, empty: str = ""
-) -> None:
-    """Draw a criterion (a line) or probabilities (bars) of the delays; `empty`: why there are none."""
+    axes: Axes, candidates: Any, values: Floats, delay: float, order: int, label: str, empty: str = "",
+    rounded: bool = False,
+) -> None:  # fmt: skip
+    """Draw a criterion (a line) or probabilities (bars) of the delays; `empty`: why there are none.
+
+    `rounded`: a delay stands for the lags that round to it, not for those from d to d + 1.
+    """
     if label == "probability" and np.isfinite(values).any():
-        axes.bar(candidates + 0.5, values, 0.8, color=style.INK)
+        axes.bar(candidates + (0.0 if rounded else 0.5), values, 0.8, color=style.INK)
         axes.set_ylim(0, 1)
     elif label == "probability":
         style.message(axes, empty)
     else:
         axes.plot(candidates, values, color=style.INK, lw=1.0, marker="o", ms=2.6)
-    estimates.jump(axes, delay)
+    estimates.delay_band(axes, delay, rounded)
     axes.set_ylabel(label)
     axes.set_xlabel("lag and delay [samples]")
     axes.set_xlim(-0.5, order - 0.5)

@@ -9,8 +9,8 @@ from rivid.plots.files import FigureFile
 from rivid.report import strip
 from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page
-from rivid.report.summary import WEEKS, facts, last_week, summarise
-from rivid.results.read import CLEAR, Results, passage
+from rivid.report.summary import STEP_DAYS, WEEKS, facts, last_week, summarise
+from rivid.results.read import CLEAR, Results, passage, rounded
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year
@@ -57,8 +57,10 @@ def write_report(
         "open": SHOWN,
         "most": MOST,
         "weeks": WEEKS,
+        "step_days": STEP_DAYS,
         "clear": CLEAR,
         "probable": any(ESTIMATORS[e.estimator].has_probability for e in results.estimators if e.dates),
+        "rounded": {e.estimator for e in results.estimators if e.dates and rounded(results, e)},
         "not_judged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
         "estimators": [(e, facts(results, e), passage(results, e)) for e in results.estimators if e.dates],
         "groups": _groups(figures, represents["estimator"] if represents else ""),

@@ -337,7 +337,11 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
 
 
 def _moved(recent: LastWeek) -> dict[str, Any]:
-    """The test, or why there is none."""
+    """The test, or why there is none.
+
+    Without a move, the last week is the `same` as the weeks before, lies within their `scatter`, or lies
+    `outside` their medians, though not by enough for the test.
+    """
     t, e = recent.trend, recent.estimator
     ago = weeks_ago(e.dates)
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
@@ -346,7 +350,9 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     flow = np.isfinite(e.mean_inflow)
     inflow = [e.mean_inflow[flow & span] for span in (ago == 0, (ago > 0) & (ago <= WEEKS))]
     if t is not None:
-        code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
+        inside = t["low"] <= t["now"] <= t["high"]
+        code = "same" if t["now"] == t["before"] else "scatter" if inside else "outside"
+        code = "moved" if t["moved"] else code
     elif recent.whole:
         code = "one_week"
     else:
@@ -371,7 +377,7 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[s
     """How many days the prior, or chance, decides; or how probable the delays are."""
     e, given = recent.estimator, recent.given
     n = int(given.sum())
-    if recent.quantity == "t50":
+    if recent.quantity == "t50" and not ESTIMATORS[e.estimator].has_probability:
         part: dict[str, Any] = {"code": "response", "jump": read.estimates_delay(e), "lead": None}
         if read.estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)

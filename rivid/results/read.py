@@ -36,7 +36,7 @@ class EstimatorResults:
     delay: Floats  # [samples]
     at_bound: Bools
     prior_only: Bools
-    t50: Floats  # of rivers: lag by which half of a step has arrived, from the FIR [samples]
+    t50: Floats  # of rivers: lag by which half of a step has arrived, [samples]
     fir: Floats  # (n, M) [output unit per m3/s]; M is 0 without impulse responses
     candidates: Floats  # delays tried [samples], (K,)
     criterion: (
@@ -253,6 +253,14 @@ def candidates(estimator: EstimatorResults) -> Floats:
     if estimator.candidates.size:
         return estimator.candidates
     return np.unique(estimator.delay[found(estimator)])
+
+
+def rounded(results: Results, estimator: EstimatorResults) -> bool:
+    """Whether a delay d is a t50 between d - 1/2 and d + 1/2: that of a river's posterior.
+
+    Others are travel times between d and d + 1.
+    """
+    return results.output_unit != "m" and ESTIMATORS[estimator.estimator].has_probability
 
 
 def found(estimator: EstimatorResults) -> Bools:

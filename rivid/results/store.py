@@ -54,16 +54,16 @@ date | date | | the day; of a data set of several days, the last
 reach | text | | name of the reach
 estimator | text | | its name
 status | text | | `ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`
-delay_samples | number | samples | the delay d; the level first moves at sample d + 1
-delay_s | number | s | d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s
-travel_time_s | number | s | the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s
+delay_samples | number | samples | d: the level first moves at lag d + 1; a river's `posterior`: rounded t50
+delay_s | number | s | d T_s; of `posterior` the travel time with its fraction, of a river t50
+travel_time_s | number | s | of `posterior` as delay_s, else the middle, (d + 1/2) T_s
 half_response_s | number | s | `posterior`: travel time with half time of the gauge's lag; t50 of a river
 at_bound | flag | | the delay is the shortest or longest tried, or lies outside
 prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
 probability | number | | `posterior`: that the likeliest delay is right, to within a tenth of a sample
 delay_low | number | samples | `posterior`: shortest of the fewest delays that hold 90 %, without that tenth
 delay_high | number | samples | `posterior`: longest of them
-t50_samples | number | samples | rivers: the lag by which half of a step has arrived
+t50_samples | number | samples | rivers: lag by which half of a step has arrived; `posterior`: at mean inflow
 alpha | number | (m3/s)^2 | regularisation weight, noise over roughness variance
 noise_sd | number | output unit | sigma_w, standard deviation of the noise
 roughness_sd | number | output unit per m3/s | sigma_hD, of the response's second differences
@@ -278,7 +278,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 6  # raised when the same input and settings give another row: old rows are computed again
+METHOD_VERSION = 7  # raised when the same input and settings give another row: old rows are computed again
 
 SHARD_PATIENCE = 20.0  # time a shard waits for others to begin [s]: each holds the lock for a moment
 

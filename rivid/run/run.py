@@ -213,7 +213,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
                     longer = estimator.min_samples * config.reach.sample_time
                     reason = DataError(
                         f"{n} samples are too few for {estimator.needed_for}: "
-                        f"lower {estimator.key}, or {config.run.lengthen(longer)}"
+                        f"{config.run.lengthen(longer)}, or lower {estimator.key}"
                     )
                     refused += [(window, name, reason) for window in windows]
                 else:
@@ -312,7 +312,8 @@ def _rows(
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
         columns[column] = getattr(answer, column)
     if answer.fir is not None and reach.kind == "river":
-        columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
+        half = half_time(answer.fir) if travel is None else travel
+        columns["t50_samples"] = np.where(identified, half, np.nan)
     outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
     at_bound, known = outside, outside
     if answer.candidates is not None and answer.curve is not None:
@@ -367,8 +368,8 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
     if 2 * order > n - unused:  # fewer than two samples for each coefficient
         history = f", of which {unused} are history only" if unused else ""
         return (
-            f"an FIR of order {order} is too long for {n} samples{history} ({condition}): lower [jmap] "
-            f"order, or {config.run.lengthen((2 * order + unused) * config.reach.sample_time)}"
+            f"an FIR of order {order} is too long for {n} samples{history} ({condition}): "
+            f"{config.run.lengthen((2 * order + unused) * config.reach.sample_time)}, or lower [jmap] order"
         )
     return f"the inflow moves too little: {condition}"
 

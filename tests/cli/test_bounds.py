@@ -53,10 +53,29 @@ def test_an_order_beyond_the_limit_is_not_proposed(rivid, settings):
 def test_a_long_response_is_cut_to_the_longest_order_and_asks_for_longer_data_sets(rivid, settings):
     path = settings(120_000)  # d_max = 714: twice that is above the limit
     proposed = rivid("bounds", "--config", path, "--toml").stdout
-    assert "order = 1000" in proposed and "[run] window_days = 2" in proposed
+    assert "order = 1000" in proposed and "[run]\nwindow_days = 2" in proposed
     path.write_text(path.read_text() + proposed)
-    assert load_config(path).jmap_settings().order == 1000
+    assert load_config(path).jmap_settings().order == 1000 and load_config(path).run.window_days == 2
     assert "[run]" not in rivid("bounds", "--config", settings(), "--toml").stdout
+
+
+@pytest.mark.parametrize("given", ["", "[run]  # of this reach\nwindow_days = 1\nmin_motion = 0.001\n"])
+def test_a_river_gets_data_sets_that_hold_its_response(rivid, settings, given):
+    """Regression: the length was a comment, and all days failed."""
+    path = settings()
+    reach = "length = 30_000\nwidth = 60\ndepth = 1.6\ndischarge_range = [55, 220]\nsample_time = 900\n"
+    path.write_text(f'{given}[reach]\nkind = "river"\n{reach}')
+    shown = rivid("bounds", "--config", path).stdout
+    assert "[run]\nwindow_days = 2" in shown and "kinematic wave brings most of the water" in shown
+    proposed = path.with_name("proposed.toml")
+    proposed.write_text(path.read_text() + rivid("bounds", "--config", path, "--toml").stdout)
+    config = load_config(proposed)
+    assert ("set window_days = 2" in proposed.read_text()) == bool(given)
+    assert config.run.window_days == (1 if given else 2)
+    assert rivid("bounds", "--config", path, "--write", path).code == 0
+    config, once = load_config(path), path.read_text()
+    assert config.run.window_days == 2 and config.run.min_motion == (0.001 if given else 1e-4)
+    assert rivid("bounds", "--config", path, "--write", path).code == 0 and path.read_text() == once
 
 
 def test_samples_longer_than_the_travel_time_are_reported(rivid, settings):

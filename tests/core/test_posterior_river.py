@@ -31,6 +31,20 @@ def test_t50_of_rivers_that_are_no_member_of_a_family_is_found(days, seed):
     assert (p.link > 0.95).all()
 
 
+def test_t50_is_that_at_the_mean_inflow_of_the_window():
+    """Regression: of an inflow with peaks it was that at the median, longer, beside the mean in tables."""
+    rng = np.random.default_rng(1)
+    held = np.repeat(80.0 + 140.0 * (rng.random((6, 34)) < 0.2), 12, axis=1)  # the mean is above the median
+    u = np.stack([np.convolve(one, np.ones(12) / 12, "valid")[:384] for one in held])
+    lead, t50 = LEADS[2], 14.0
+    (h,) = responses(hayami, 0.2, np.array([t50]), 90)
+    y = np.stack([np.convolve(hastened(one, one.mean(), lead), h)[: len(one)] for one in u])
+    p = posterior_river(u, y + rng.normal(0.0, 0.3, y.shape))
+    assert (lead * np.log(u.mean(axis=1) / np.median(u, axis=1)) > 0.8).all()
+    assert np.median(np.abs(p.place - t50)) < 0.3
+    assert ((p.place_low <= t50) & (t50 <= p.place_high)).all()
+
+
 def test_a_window_has_probabilities_of_sum_one_a_set_of_nine_in_ten_and_a_response():
     u, y, t50 = river_windows(4, 5)
     p = posterior_river(u, y)
@@ -51,7 +65,7 @@ def test_weights_are_the_flattened_evidence_of_every_model():
     u, y = u[:, 56:], y[:, 56:]
     p = posterior_river(u, y, s)
     (grid,), n = response_grids(s), u.shape[1] - s.warm
-    middle = np.median(u[0, s.warm :])
+    middle = np.mean(u[0])
     moved = np.stack([hastened(u[0], middle, lead) for lead in LEADS])
     sums = whitened_sums(moved, y[0], daily_sine(u.shape[1], 96), s.warm, s.n_lags, river_noises())
     found, none = evidence(sums, grid, n, s.gain, s.gain_sd)[0], nothing(sums, n)

@@ -181,6 +181,19 @@ def river(n=40, names=("map", "jmap")):
     return Results("lees_ferry", 900.0, "m3/s", 24.5, made)
 
 
+def probable_river(n=40):
+    """Return a river with the delays of the JMAP and of posterior, of which d is t50 rounded."""
+    run = river(n, ("jmap",))
+    e = run.estimators[0]
+    delay, sure = np.floor(e.t50 + 0.5), np.where(np.isfinite(e.t50), 0.6, np.nan)
+    e = dataclasses.replace(
+        e, estimator="posterior", delay=delay, probability=sure, delay_low=delay - 1, delay_high=delay + 1,
+        travel_s=900.0 * e.t50, half_s=900.0 * e.t50, at_bound=np.zeros(n, bool),
+        prior_only=np.zeros(n, bool),
+    )  # fmt: skip
+    return dataclasses.replace(run, estimators=[*run.estimators, e])
+
+
 @cache
 def cases():
     """Return records of every length, and records without results."""

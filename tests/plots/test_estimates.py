@@ -23,6 +23,7 @@ from tests.plots.synthetic import (
     dates_of,
     estimator,
     probable,
+    probable_river,
     response,
     results,
     river,
@@ -209,9 +210,10 @@ def test_without_answers_there_are_no_candidates_and_yet_it_is_an_estimator_of_d
 
 @pytest.mark.parametrize(
     ("names", "first"),
-    [(("ml", "jmap", "map"), "map"), (("jmap-uniform", "ml"), "ml"), (("jmap-uniform",), "jmap-uniform")],
-)
-def test_the_leading_response_of_a_river_is_map_before_jmap_before_ml(names, first):
+    [(("ml", "jmap", "map"), "map"), (("jmap-uniform", "ml"), "ml"), (("jmap-uniform",), "jmap-uniform"),
+     (("jmap", "map", "posterior"), "posterior")],
+)  # fmt: skip
+def test_the_leading_response_of_a_river_is_that_of_posterior_before_map_before_jmap_before_ml(names, first):
     assert leading_response(river(12, names)).estimator == first
 
 
@@ -243,6 +245,25 @@ def test_thirds_hold_equal_numbers_of_days_and_count_pairs_as_a_plain_loop_does(
     assert {
         tuple(np.round((a, m, b, m), 9)) for a, b, m in zip(t.edges, t.edges[1:], t.medians, strict=False)
     } == bars
+
+
+def test_the_delay_of_a_rivers_posterior_is_drawn_around_it_and_beside_the_waves_themselves(ax):
+    """Regression: it was drawn from d to d + 1, and the waves one sample early."""
+    run = probable_river(30)
+    jmap, posterior = run.estimators
+    at = {}
+    for e in (jmap, posterior):
+        ax.clear()
+        estimates.delay_map(ax, run, e)
+        (line,) = (one for one in ax.lines if str(one.get_label()).startswith("kinematic"))
+        at[e.estimator] = np.nanmedian(np.asarray(line.get_ydata(), float))
+    tau = np.nanmedian(jmap.bound_kinematic_s) / 900.0
+    assert (at["jmap"], at["posterior"]) == (pytest.approx(tau - 1.0), pytest.approx(tau))
+    for rounded, begin in ((False, 26.0), (True, 25.5)):
+        ax.clear()
+        estimates.response(ax, posterior.fir[0], delay=26.0, rounded=rounded)
+        (band,) = ax.patches
+        assert (band.get_x(), band.get_width()) == (begin, 1.0)
 
 
 def test_days_between_the_bounds_are_counted_in_seconds():

@@ -19,11 +19,13 @@ from rivid.plots.draw import draw
 from rivid.report.build import write_report
 from rivid.report.page import caption
 from rivid.results.read import results_of
+from rivid.text import samples_first
 from tests.plots.synthetic import (
     cases,
     dates_of,
     draw_all,
     probable,
+    probable_river,
     results,
     river,
     searched,
@@ -197,6 +199,51 @@ def test_the_rows_of_a_river(tmp_path):
     words = write(river(40), tmp_path)[1].words
     assert "map for t50 and jmap for the jump delay" in words and "d = 23 to 27" in words
     assert "Median t50" in words
+
+
+def test_a_change_that_the_test_does_not_find_and_a_step_without_a_test_are_stated_as_such(tmp_path):
+    """Regression: "within the scatter" of weeks that lie elsewhere, and a date beside "3 of the 3"."""
+    flow = np.full(63, 219.0) + 229.0 * among(63, 7)
+    weeks = [d for week in (5, 9, 6, 8, 7, 5, 9, 6, 4) for d in [week] * 7]
+    html = write(simple(weeks, mean_inflow=flow), tmp_path)[0]
+    said = headline(html)
+    assert "finds no change from the weeks before, at a mean inflow of 448 m³/s, 219 m³/s in the" in said
+    name, why = top(html)["Has it moved?"]
+    assert name == "No change found" and "the last week lies outside, but the test finds no change" in why
+    html = write(simple([5] * 19 + [8] * 9, mean_inflow=np.full(28, 300.0)), tmp_path)[0]
+    name, why = top(html)["Has it moved?"]
+    assert name == "Yes, on about 2008-01-20" and "is not tested yet. The test needs 4 earlier weeks" in why
+    assert "there are 3." in why and "of the 3 weeks" not in why
+
+
+def test_the_headline_has_the_median_since_a_step_and_not_that_of_the_last_week(tmp_path):
+    """Regression: "15.8 min, since 2025-01-27; 13.2 before", where 15.8 min was the last week alone."""
+    run = with_travel(simple([6] * 20 + [9] * 15, mean_inflow=np.full(35, 300.0)), 0.0)
+    (e,) = run.estimators
+    drift = e.travel_s + 8.0 * np.maximum(np.arange(35) - 20, 0) + np.tile([0.0, 60.0, -30.0, 20.0, -50.0], 7)
+    run = dataclasses.replace(run, estimators=[dataclasses.replace(e, travel_s=drift)])
+    now, since, before = (np.median(drift[days]) / 60 for days in np.s_[-7:, 20:, :20])
+    said = headline(write(run, tmp_path)[0])
+    assert f"after {now:.1f} min" in said and now - since > 0.3
+    assert f"; {since:.1f} min since 2008-01-21, {before:.1f} min before" in said
+
+
+def test_a_river_follows_posterior_of_which_d_is_t50_rounded(tmp_path):
+    """Regression: t50 was that of jmap, and d of posterior a jump of the response from d to d + 1."""
+    run = probable_river()
+    e = run.estimators[1]
+    html, page = write(run, tmp_path, draw_all(run, tmp_path))
+    words = " ".join(page.words.replace("\u00a0", " ").split())
+    rows, d = top(html), int(np.nanmedian(e.delay))
+    assert "By <code>posterior</code>; the other" in html and "t50 of each day by posterior" in words
+    assert "Probability" in rows and "Part of the prior" not in rows
+    assert "Jump delay d" not in words and "It is t50 to the nearest sample" in words
+    assert f"{d} samples ({samples_first([d], 900, True).split('(')[1]}" in words
+    assert "between d - 1/2 and d + 1/2 samples" in words and "between d and d + 1 samples, or" not in words
+    captions = {(f.kind, f.estimator): caption(f) for f in draw_all(run, tmp_path)}
+    assert not any("looks for a jump" in text for (_, name), text in captions.items() if name == "posterior")
+    assert "band from d - 1/2 to d + 1/2 holds t50" in captions["fir_day", ""]
+    assert "as a delay" not in captions["delay_map", "posterior"]
 
 
 def test_a_pool_without_such_estimators_does_not_mention_rivers_cusum_or_probabilities(drawn):

@@ -183,6 +183,14 @@ def test_a_change_within_the_scatter_of_weeks_is_no_move():
     assert (moved["code"], t["now"], t["before"], t["low"], t["high"]) == ("scatter", 8, 6.5, 5, 9)
 
 
+def test_a_week_outside_the_medians_of_the_weeks_before_is_not_within_their_scatter():
+    """Regression: 12.3 min was "within the scatter" of weeks from 12.5 to 13.4 min."""
+    weeks = [5, 9, 6, 8, 7, 5, 9, 6, 4]
+    moved = summary_of(simple([d for week in weeks for d in [week] * 7]))["moved"]
+    t = moved["trend"]
+    assert (moved["code"], t["now"], t["low"], t["moved"]) == ("outside", 4, 5, False)
+
+
 def test_weeks_that_are_missing_for_the_test_are_counted():
     for n, weeks, used in ((21, 2, 2), (8, 1, 0)):
         moved = summary_of(simple([7] * n))["moved"]

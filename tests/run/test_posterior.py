@@ -213,6 +213,7 @@ def test_a_river_has_the_probability_of_its_t50(tmp_path):
     settings = RiverSettings(d_max=12, warm=lags_of(12), day=96)
     core = posterior_river(np.round(flow, 3)[None], np.round(arrives, 3)[None], settings)
     assert cell(row["delay_s"]) == pytest.approx(900.0 * core.place[0], rel=1e-6)
+    assert row["t50_samples"] and cell(row["t50_samples"]) == pytest.approx(core.place[0], rel=1e-6)
     assert cell(row["delay_samples"]) == core.delay[0] == np.floor(core.place[0] + 0.5)
     assert cell(row["probability"]) == pytest.approx(core.right[0], rel=1e-6)
     assert core.place[0] == pytest.approx(4.5, abs=0.7)  # half has arrived between lags 4 and 5

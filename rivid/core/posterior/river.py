@@ -158,8 +158,9 @@ LEAST_ROWS = 24
 class RiverPosterior(PosteriorResult):
     """Probabilities of the travel time t50 of a river, with a leading axis of windows.
 
-    `place` is t50, the lag by which half of a step has arrived, at the window's median inflow. A delay d
-    stands for the t50 that round to it; `right` allows a tenth of a sample more. `link` has a prior of 1/2.
+    `place` is t50, the lag by which half of a step has arrived, at the mean inflow of the window, its history
+    included: the inflow that tables have beside it. A delay d stands for the t50 that round to it; `right`
+    allows a tenth of a sample more. `link` has a prior of 1/2.
     """
 
     gain: Floats  # share of the inflow's change that arrives [-]
@@ -231,7 +232,7 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
 def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
     """Average over leads, noises, sine, shapes and travel times."""
     n_rows = len(u) - s.warm
-    middle = float(np.median(u[s.warm :]))
+    middle = float(np.mean(u))
     hastier = np.stack([hastened(u, middle, lead) for lead in LEADS])
     T, sine = s.flattening(n_rows), daily_sine(len(u), s.day)
     parts: list[Evidence] = []
