@@ -264,7 +264,7 @@ def test_a_day_too_short_for_the_longest_delay_fails_and_names_the_key(tmp_path,
     assert code == 3
     jmap_rows, direct = load_results(tmp_path / "out").estimators
     assert jmap_rows.status == ["ok"] * 6 and direct.status == ["failed"] * 6
-    remedy = "raise [run] window_days, or lower [search] d_max"
+    remedy = "set [run] window_days = 2 or more, or lower [search] d_max"
     assert f"650 samples are too few for d_max = 700: {remedy}" in direct.messages[0]
     assert said.count(" failed: 650 samples") == 1 and "(6 days)" in said
 
