@@ -145,7 +145,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
         # of a row that cannot be read the day is not known: it counts for those of both neighbours
         wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
         places = [int(times[min(max(fault.at, 0), len(times) - 1)]) for fault in wrong]
-        faults += {Fault(at, f"{file}, {f.text}", f.cut) for at, f in zip(places, wrong, strict=True)}
+        faults += {f._replace(at=at, text=f"{file}, {f.text}") for at, f in zip(places, wrong, strict=True)}
         for name in columns.numbers:
             piece = _piece(name, columns, times, file, spec)
             piece[-1][rows] = ValueStatus.TIME
@@ -365,7 +365,7 @@ def judge(
         day.status, day.reason = "refused", f"{own[0].text}{more}"
         # on a longer day the zone sets its own clock back
         still = grid.end == grid.start + 86_400 * MICRO and clocks_change(date)
-        if given and still and " is logged twice " in own[0].text:
+        if given and still and own[0].twice:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
     elif whole:
         try:

@@ -38,6 +38,7 @@ class Fault(NamedTuple):
     at: int  # number of usable rows before it, or its time [us]
     text: str  # where it is, what is wrong, and what to do
     cut: bool = False  # whether it is the end of a log that is still being written, or was cut off
+    twice: bool = False  # whether it is a second value of the same time
 
 
 @dataclass(frozen=True)
