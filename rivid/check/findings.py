@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from rivid.text import day_range, spans
+from rivid.text import count, day_range, spans
 
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
@@ -323,7 +323,9 @@ def render(report: Report, reach: str) -> str:
 def render_sound(report: Report, reach: str) -> str:
     """Return one line for a reach without faults."""
     remarks = sum(bool(day.notes) for day in report.days)
-    return f"{reach}: fine, {len(report.days)} days" + (f", {remarks} with remarks" if remarks else "")
+    return f"{reach}: fine, {count(len(report.days), 'day')}" + (
+        f", {remarks} with remarks" if remarks else ""
+    )
 
 
 def _table(report: Report, reach: str) -> str:

@@ -10,6 +10,7 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
 from rivid.errors import ConfigError, RividError
+from rivid.text import count
 
 
 @click.command("check")
@@ -107,5 +108,7 @@ def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.date | None) -> i
     if as_json:
         click.echo(json.dumps({"reaches": answer, "exit_code": code}))
     elif code or not quiet:
-        click.echo(f"{len(codes)} reaches, {sum(code != 0 for code in codes)} of them with faults")
+        click.echo(
+            f"{count(len(codes), 'reach', 'reaches')}, {sum(code != 0 for code in codes)} of them with faults"
+        )
     return code

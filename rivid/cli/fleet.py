@@ -11,6 +11,7 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, print_error, wrap
 from rivid.errors import NoDataError, RividError
+from rivid.text import count
 
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
@@ -111,12 +112,14 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
 
     now = "" if computed is None else f", {computed:,} estimated now"
     since = minute(summary["before"].get("made", ""))
-    click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
+    click.echo(
+        f"{count(summary['reaches'], 'reach', 'reaches')}, {count(summary['data_sets'], 'data set')}{now}"
+    )
     for kind, words in (
-        ("failing", "fail"),
-        ("left_band", "have a delay that has moved in the last week"),
-        ("unanswered", "have no answer in the last week"),
-        ("silent", "are silent"),
+        ("failing", "failing"),
+        ("left_band", "with a delay that has moved in the last week"),
+        ("unanswered", "without an answer in the last week"),
+        ("silent", "silent"),
         *([("changed", f"changed since the report of {since}")] if since else []),
     ):
         names = summary[kind]
@@ -137,5 +140,5 @@ def plan(reaches: "Sequence[Reach]", out: Path) -> int:
             code = 2 if error.exit_code == 2 else code
         else:
             click.echo(wrap(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
-    click.echo(f"{len(reaches):,} reaches")
+    click.echo(count(len(reaches), "reach", "reaches"))
     return code

@@ -10,6 +10,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error, wrap
+from rivid.text import count
 
 
 @click.command("ingest")
@@ -111,7 +112,7 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     words |= {"identical": "there already", "differs": "kept out", "refused": "refused"}
     words |= {"pending": "unfinished"}
     shown = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
-    click.echo(f"{len(outcome.days)} days: {shown or 'none'}")
+    click.echo(f"{count(len(outcome.days), 'day')}: {shown or 'none'}")
     if not dry_run and (counts["written"] or counts["identical"]):
         click.echo(f"next: rivid check {out} --config {outcome.run_config}")
         click.echo(f"then: rivid run {out} --config {outcome.run_config}")

@@ -11,6 +11,7 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
 from rivid.estimators import ESTIMATORS
+from rivid.text import count
 
 if TYPE_CHECKING:
     from rivid.config import Config
@@ -113,6 +114,7 @@ def command(
         options = replace(options, figures=False)
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
+    is_new = not (place / "run.json").exists()
     with dask or nullcontext():
         progress = console.progress(not as_json, "data sets")
         summary = run(data_dir, place, settings, options, progress, dask)
@@ -121,7 +123,7 @@ def command(
         print_json(summary, with_days=not shard)
     _print_notes(summary, console, notes, options)
     if not as_json:
-        print_summary(summary, settings, options, console.quiet)
+        print_summary(summary, settings, options, console.quiet, is_new)
     return _exit_code(summary, strict, options)
 
 
@@ -168,7 +170,8 @@ def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") 
     rows, _ = read_rows(out / ".rivid" / "segments")
     new = missing(planned.asked, rows)
     click.echo(
-        f"{len(planned.windows)} data sets in all, {len(planned.asked)} selected, {len(new)} to estimate"
+        f"{count(len(planned.windows), 'data set')} in all, {len(planned.asked)} selected, "
+        f"{len(new)} to estimate"
     )
     click.echo(f"estimators: {', '.join(settings.run.estimators)}; results would go to {out}")
     for window in new[:5]:
@@ -183,7 +186,7 @@ def _print_notes(summary: "Summary", console: Console, notes: list[str], options
     for path, reason in summary.bad_files:
         print_error(f"{path}: {reason}")
     if summary.dropped:
-        print_error(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
+        print_error(f"no log any more, dropped from OUT: {count(summary.dropped, 'day')} of earlier runs")
     if summary.unasked and not options.shard:
         console.info(f"no longer configured, their rows leave the tables: {', '.join(summary.unasked)}")
     for name in summary.damaged:

@@ -295,7 +295,7 @@ CHUNK = 8192  # rows in memory at a time, and rows of a row group
 
 SHORT = (  # columns in memory of all rows; of the messages, those of failed days
     "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
-    "probability", "at_bound", "mean_inflow_m3s",
+    "probability", "at_bound", "mean_inflow_m3s", "bound_gravity_s",
 )  # fmt: skip
 
 
