@@ -270,7 +270,7 @@ class Canonical:
             picked = np.unique(last[held])
             origins.append((series, picked[np.isfinite(series.values[picked])]))
         there = np.isfinite(total)
-        return grid.times[there], total[there] * self.signal.factor, origins
+        return grid.times[there], converted(total[there], self.signal), origins
 
     def reports_within(self, grid: Grid) -> Origins:
         """The reports of a local day, sampled or not."""
@@ -279,6 +279,16 @@ class Canonical:
             low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
             found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
         return found
+
+
+def converted(total: Floats, signal: Signal) -> Floats:
+    """A total (n,) of a column's sources in SI units, to 15 digits: what comes after them is not measured.
+
+    A double holds 15 decimal digits, so that 4.1287 L/s are 0.0041287 m3/s, not 0.004128700000000001.
+    """
+    if signal.factor == 1.0 and len(signal.sources) == 1:
+        return total
+    return np.array([float(f"{value:.15g}") for value in (total * signal.factor).tolist()])
 
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
@@ -299,7 +309,7 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
             common = reduce(np.intersect1d, [part.times[rows] for part, rows in parts])
             parts = origins = [(part, rows[np.isin(part.times[rows], common)]) for part, rows in parts]
             total = reduce(np.add, [part.values[rows] for part, rows in origins])
-            columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
+            columns.append(Canonical(signal, common - signal.shift, converted(total, signal), origins))
         for part, rows in parts:
             part.statuses[rows] = ValueStatus.USED
     return columns
