@@ -18,6 +18,7 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.diagnosis.calibrated import ReachModel, load_model, reached
 from rivid.errors import ConfigError, NoDataError
+from rivid.results.read import no_run, reaches_in
 from rivid.results.store import finite
 from rivid.text import duration
 from rivid.types import DAY, HOUR, Floats
@@ -224,6 +225,8 @@ def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     try:
         texts = [(source / f"delay_law.{kind}").read_text(encoding="utf-8") for kind in ("csv", "json")]
     except OSError as error:
+        if reaches_in(source):
+            raise no_run(source) from None
         raise NoDataError(
             f"{error.filename} cannot be read: expected the directory of a run that `rivid season` has joined"
         ) from None

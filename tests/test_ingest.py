@@ -463,6 +463,25 @@ class TestCommand:
             "2008-03-07 refused gap",
         ]  # fmt: skip
 
+    def test_converted_and_summed_values_have_the_digits_that_are_measured(self, tmp_path):
+        rows = [[row[0], "4.1287", "4.1134", "0.1", "118.5"] for row in wide()]
+        write(tmp_path / "e.csv", rows, head="time,a,b,c,d")
+        config = tmp_path / "c.toml"
+        config.write_text(
+            '[reach]\nsample_time = 900\n[input]\nu_Qi = "a"\nu_Qo = ["b", "c"]\nh_L = "d"\n'
+            '[input.units]\nu_Qi = "L/s"\nu_Qo = "L/s"\n'
+        )
+        assert self.invoke(tmp_path, config=config).return_value == 0
+        cells = (tmp_path / "logs/2008-03-10.csv").read_text().splitlines()[1].split(",")
+        assert cells[1:] == ["0.0041287", "0.0042134", "118.5"]
+
+    def test_days_that_differ_are_one_line(self, tmp_path):
+        for size in (1, 2):
+            write(tmp_path / "e.csv", [[*row[:3], f"118.{size}"] for row in wide(n=288)])
+            result = self.invoke(tmp_path)
+        (line,) = (line for line in result.output.splitlines() if "differs" in line)
+        assert line.startswith("2008-03-10 to 2008-03-12, 3 days  differs   2008-03-10.csv is there and")
+
     def invoke(self, tmp_path, *words, config=None):
         if not config:
             config = tmp_path / "c.toml"

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,8 @@ def run(line, place):
         proposed = settings.read_text(encoding="utf-8")
         assert proposed.count("[reach]") == 1
         reach = block("toml", "[reach]") + "\n"
+        keys = re.findall(r"^#? ?(\w+) = ", proposed[: proposed.index("[input]")], re.M)
+        assert sorted(keys) == sorted(tomllib.loads(reach)["reach"])  # it is the one table, filled in
         settings.write_text(re.sub(r"\[reach\]\n.*?\n\n", lambda _: reach, proposed, flags=re.S), "utf-8")
     return done
 

@@ -47,7 +47,7 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
             notes = [*filter(None, (filled, data.notes))]
             days.append(DayReport(data.date, "ok", "", notes, len(data.inflow), data.n_filled))
             record.add(data)
-        spacing.add(source, days[-1].reason)
+        spacing.add(source)
     findings = [*spacing.findings(), *_check_record(record, config)]
     if today is not None:  # in the zone of the log it may be tomorrow already
         tomorrow = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY

@@ -2,7 +2,7 @@
 
 import datetime as dt
 from collections import defaultdict
-from itertools import compress
+from itertools import compress, takewhile
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def _dates(record: Record, fits: Fits) -> list[Finding]:
     found = []
     for shift, some in groups.items():
         days = _in_rows(record, some, list(fits.right), whole=True) if any(shift) else []
-        least = max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY)
+        least = fits.of(days)[0].explained + OTHER_DAY
         if days and fits.of(days, shift)[0].explained >= least:
             column, sense = SHIFTS[shift]
             other_day = "after" if sense == "early" else "before"
@@ -223,11 +223,19 @@ def _shifted(
 def _with_quiet_days(
     record: Record, fits: Fits, usual: tuple[float, float], column: str, late: float, days: list[dt.date]
 ) -> list[dt.date]:
-    """Return the days, and those between them that are too quiet for a fit of their own but agree."""
+    """Return the days, and those between and next to them that are too quiet for a fit but agree."""
     shift = {"u_Qi": (-late, 0.0), "u_Qo": (0.0, -late)}.get(column, (late, late if record.balanced else 0.0))
     there = (usual[0] + shift[0], usual[1] + shift[1])
-    between = [d for d in record.days if days[0] < d < days[-1] and d not in days] if record.balanced else []
-    return sorted([*days, *(date for date in between if fits.near(date, there) > fits.near(date, usual))])
+    if not record.balanced:
+        return days
+
+    def better(date: dt.date) -> float:
+        return fits.near(date, there) - fits.near(date, usual)
+
+    between = [d for d in record.days if days[0] < d < days[-1] and d not in days and better(d) > 0]
+    before = takewhile(lambda d: better(d) > GAIN, reversed([d for d in record.days if d < days[0]]))
+    after = takewhile(lambda d: better(d) > GAIN, [d for d in record.days if d > days[-1]])
+    return sorted([*days, *between, *before, *after])
 
 
 def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Finding]:

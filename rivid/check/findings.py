@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from rivid.text import day_range, spans
+from rivid.text import count, day_range, spans
 
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
@@ -62,6 +62,8 @@ TEXTS = {
     "unit.bed_unit": f'{_BED} and the datum ("{{unit}}" would give {{converted:.4g}} m)',
     "unit.level": f'{_VOLUME}: is h_L in {{unit}}, not in {{declared}}? [input.units] h_L = "{{unit}}"',
     "unit.flows": f"{_VOLUME}: are both flows in {{unit}}? Set [input.units], or check the area",
+    "unit.flows_days": "against the moves of h_L, u_Qi and u_Qo are {ratio:multiple} on the other days: are "
+    "both in {unit} there, and in {declared} on the others? [input.units] is for all days: convert these",
     "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, the units, and that no part of "
     "a flow is missing",
     "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check them",
@@ -105,6 +107,9 @@ DAYS = {
     "dates": "{column} looks dated a day too {sense}",
     "clock": _STAMPED,
     "unit.level_days": "h_L is {height:.4g} m",
+    "unit.flows_days": "u_Qi and u_Qo look in {unit}",
+    "unit.range": "flows are far outside [reach] discharge_range",
+    "unit.range_unit": "flows are far outside [reach] discharge_range",
     "unit": _TIMES,
     "balance": _TIMES,
     "stuck": "{output} stands still {items:spell}",
@@ -318,7 +323,9 @@ def render(report: Report, reach: str) -> str:
 def render_sound(report: Report, reach: str) -> str:
     """Return one line for a reach without faults."""
     remarks = sum(bool(day.notes) for day in report.days)
-    return f"{reach}: fine, {len(report.days)} days" + (f", {remarks} with remarks" if remarks else "")
+    return f"{reach}: fine, {count(len(report.days), 'day')}" + (
+        f", {remarks} with remarks" if remarks else ""
+    )
 
 
 def _table(report: Report, reach: str) -> str:

@@ -11,7 +11,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.days import MISSED, DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, clocks_change, local, spec_of
+from rivid.logs.spec import MICRO, clocks_change, day_bounds, local, spec_of
 from rivid.types import Ints
 
 OFF = 0.02  # smallest reported difference between the spacing and T_s [relative]
@@ -32,8 +32,8 @@ class Spacing:
         self.steps: dict[str, dict[dt.date, tuple[float, float]]] = defaultdict(dict)
         self.nights: dict[str, list[dt.date]] = {"is missing": [], "comes twice": []}
 
-    def add(self, source: DaySource, reason: str) -> None:
-        """Add a day as it is logged (its file is still in memory); `reason` is why it failed, if it did."""
+    def add(self, source: DaySource) -> None:
+        """Add a day as it is logged (its file is still in memory)."""
         path, *_ = source.parts[0]
         try:
             log = load(self.folder / path, self.spec)
@@ -47,8 +47,9 @@ class Spacing:
                 if np.mean(np.abs(steps / low - np.maximum(np.round(steps / low), 1)) > UNEVEN) > ODD:
                     low, high = np.percentile(steps, (5, 95)).tolist()
                 self.steps[name][source.date] = low, high
-        if clocks_change(source.date):
-            if "is logged twice with different" in reason:
+        start, end = day_bounds(source.date, log.zone)
+        if clocks_change(source.date) and end - start == 24 * HOUR:  # else the zone changes its clock, too
+            if any(fault.twice for fault in log.faults_of(source.date)):
                 self.nights["comes twice"].append(source.date)
             elif _misses_an_hour(series["u_Qi"][0], log.zone):
                 self.nights["is missing"].append(source.date)

@@ -27,6 +27,8 @@ OUTSIDE = 0.25  # smallest share of the inflow's samples outside [reach] dischar
 AREA_MARGIN, AREA_MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
 # smallest ratio between two areas, of the balance, of length and width or declared, that is reported
 FAR = 4.0
+# smallest explained share of days that are compared with others: by chance it is below 0.11 on a single day
+COMPARED = 0.2
 HEIGHT_MARGIN = 1.1  # tolerance of a unit's factor between the heights of days [ratio]
 LEVEL_SPAN = 20.0  # largest motion of a forebay in the record [m]
 DEEPEST = 200.0  # largest depth of a forebay [m]
@@ -34,6 +36,8 @@ DEEPEST = 200.0  # largest depth of a forebay [m]
 
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:
     """Find wrong units and open balances; `doubtful` days have another fault and are not balanced."""
+    if record.balanced and (found := _flows_of_some_days(record, fits, config, doubtful)):
+        return found  # what compares all days follows from it
     flows = Flows(record, fits.without(doubtful), config)
     found = [finding for name in record.flows[1:] for finding in flows.against_inflow(name)]
     found += flows.against_range()
@@ -153,18 +157,30 @@ class Flows:
         return [d for row in consecutive(dates, self.record.days) if len(row) >= FEWEST for d in row]
 
     def against_range(self) -> list[Finding]:
-        """Find discharges far from [reach] discharge_range."""
+        """Find discharges far from [reach] discharge_range, on most days or in another unit on some."""
         low, high = self.record.reach.discharge_range
+        least, most = low / RANGE_MARGIN, high * RANGE_MARGIN
         far: dict[str, list[dict[str, str | float]]] = defaultdict(list)
-        for name, flow in self.median.items():
-            if name in self.reported or low / RANGE_MARGIN <= abs(flow) <= high * RANGE_MARGIN:
-                continue
+        dates: dict[str, set[dt.date]] = defaultdict(set)
+        for name, means in self.means.items():
+            there = {d: q for d, q in means.items() if not least <= abs(q) <= most}
+            flow = float(np.median([*there.values()])) if there else 0.0
             fitting = {u: flow / f for u, f in self.too_large[name].items() if low <= flow / f <= high}
             unit = next(iter(fitting), "")
+            # reaches run dry, but no flood is far above a declared range
+            some = bool(unit) and flow > high and bool(self.range["is_declared"])
+            if not there or name in self.reported or not (some or 2 * len(there) > len(means)):
+                continue
             converted: dict[str, str | float] = {"converted": fitting[unit]} if unit else {}
             far[unit].append({"column": name, "median": flow, **converted})
-        codes = {unit: "unit.range_unit" if unit else "unit.range" for unit in far}
-        return [Finding(codes[u], self.range | {"flows": flows, "unit": u}) for u, flows in far.items()]
+            dates[unit] |= there.keys()
+        found = []
+        for unit, flows in far.items():
+            days = sorted(dates[unit]) if len(dates[unit]) < len(self.record.days) else []
+            values = self.range | {"flows": flows, "unit": unit}
+            code = "unit.range_unit" if unit else "unit.range"
+            found.append(Finding(code, values, {date: {} for date in days}))
+        return found
 
     def outside_range(self) -> list[Finding]:
         """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
@@ -175,6 +191,28 @@ class Flows:
             return []
         values = {"column": "u_Qi", "share": share, "lowest": float(flow.min()), "highest": float(flow.max())}
         return [Finding("range", self.range | values)]
+
+
+def _flows_of_some_days(
+    record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]
+) -> list[Finding]:
+    """Find days with both flows in another unit than on the others: the level moves by their volume."""
+    mean = {d: float(day["u_Qi"].mean()) for d, day in record.days.items() if d not in doubtful}
+    ordered = sorted((date for date, flow in mean.items() if flow > 0), key=lambda date: mean[date])
+    for k in range(1, len(ordered)):
+        if mean[ordered[k]] <= MOVES * mean[ordered[k - 1]]:
+            continue
+        groups = ordered[:k], ordered[k:]
+        each = [fits.of(dates)[0] for dates in groups]
+        if min(fit.explained for fit in each) < COMPARED:
+            continue
+        gains = [0.5 * (fit.gain_in - fit.gain_out) for fit in each]
+        odd = int(np.argmax(np.abs(np.log(np.array(gains) * record.area[0]))))
+        ratio = gains[1 - odd] / gains[odd]
+        if unit := _nearest(ratio, _factors(config, "u_Qi"), AREA_MARGIN)[1]:
+            values = {"ratio": ratio, "unit": unit, "declared": _unit(config, "u_Qi")}
+            return [Finding("unit.flows_days", values, {date: {} for date in sorted(groups[odd])})]
+    return []
 
 
 def _level(

@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+import re
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -84,12 +85,13 @@ def command(
 
 
 def _print_days(outcome: Any) -> None:
-    """The days that were not written, and why; days with the same reason in one line."""
+    """The days that were not written, and why; days in succession with like reasons in one line."""
     given = (day for day in outcome.days if day.reason)
-    for (status, reason), same in groupby(given, key=lambda day: (day.status, day.reason)):
-        first, *more = (day.date for day in same)
-        when = f"{first} to {more[-1]}, {len(more) + 1} days" if more else first
-        click.echo(wrap(f"{when}  {status:8s}  {reason}", 0, 22))
+    for _, same in groupby(given, key=lambda day: (day.status, re.sub(r"\d+", "0", day.reason))):
+        first, *more = same
+        when = f"{first.date} to {more[-1].date}, {len(more) + 1} days" if more else first.date
+        of = " (on the first)" if any(day.reason != first.reason for day in more) else ""
+        click.echo(wrap(f"{when}  {first.status:8s}  {first.reason}{of}", 0, 22))
 
 
 def _print(outcome: Any, out: Path, dry_run: bool) -> None:

@@ -114,6 +114,7 @@ def command(
         options = replace(options, figures=False)
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
+    is_new = not (place / "run.json").exists()
     with dask or nullcontext():
         progress = console.progress(not as_json, "data sets")
         summary = run(data_dir, place, settings, options, progress, dask)
@@ -122,7 +123,7 @@ def command(
         print_json(summary, with_days=not shard)
     _print_notes(summary, console, notes, options)
     if not as_json:
-        print_summary(summary, settings, options, console.quiet)
+        print_summary(summary, settings, options, console.quiet, is_new)
     return _exit_code(summary, strict, options)
 
 

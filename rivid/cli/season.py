@@ -14,15 +14,12 @@ if TYPE_CHECKING:
     from rivid.results.season import Joined, SeasonDays
 
 
-def _names(out: Path) -> list[str]:
-    """The reaches of a fleet that have been run into OUT."""
-    return sorted(path.parent.name for path in out.glob("*/run.json"))
-
-
 def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
     """The reaches in OUT, for shell completion."""
+    from rivid.results.read import reaches_in
+
     given = context.params.get("out") or next(iter(context.args), None)  # an option still lacks its value
-    return [name for name in _names(Path(given)) if name.startswith(typed)] if given else []
+    return [name for name in reaches_in(Path(given)) if name.startswith(typed)] if given else []
 
 
 @click.command("season")
@@ -76,17 +73,17 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
 
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
-    from rivid.results.read import last_record
+    from rivid.results.read import last_record, no_run, reaches_in
 
     if run := last_record(out):
         if reach is not None and reach != run["reach"]:
             raise ConfigError(f"--reach {reach}: {out} is of {run['reach']} alone: leave --reach out")
         return out
-    names = _names(out)
+    names = reaches_in(out)
     if reach in names:
         return out / str(reach)
     if reach is None and not names:
-        raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
+        raise no_run(out)
     came = "no --reach" if reach is None else f"--reach {reach}"
     raise ConfigError(f"{came}: expected one of the reaches in {out}: {', '.join(names) or 'there are none'}")
 

@@ -14,15 +14,18 @@ from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.report.summary import SPREAD_OUT, facts, leading, reasons
+from rivid.report.summary import SPREAD_OUT, facts, leading, reasons, torrents
 from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage, rounded
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 
 
-def print_summary(summary: Summary, config: Config, options: Options, quiet: bool) -> None:
-    """Print the counts and main numbers of each estimator, and the failed days; with `quiet` only these."""
+def print_summary(summary: Summary, config: Config, options: Options, quiet: bool, is_new: bool) -> None:
+    """Print the counts and main numbers of each estimator, and the failed days; with `quiet` only these.
+
+    `is_new` is whether OUT had no results before.
+    """
     if options.shard:
         if not quiet:
             click.echo(
@@ -51,7 +54,7 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
     if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
         click.echo(wrap(doubt, 2))
     _print_failures(summary, noun)
-    if not summary.reused and not config.run.window:
+    if is_new and not config.run.window:
         click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
     shown = "report.html" if options.figures else "delays.csv"
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
@@ -74,12 +77,18 @@ def _print_failures(summary: Summary, noun: str) -> None:
 
 
 def _doubt(results: Results, waves: tuple[float, float]) -> str:
-    """What the median delay or t50 of the reach is in conflict with: the travel times of [reach] [s]."""
+    """What the flows, or the median delay or t50, are in conflict with: the travel times of [reach] [s]."""
     e, T_s = leading_response(results) or leading(results), results.sample_time
     if e is None:
         return ""
     earliest = passage(results, e).median if has_t50(e).any() else facts(results, e)["median"]
     latest = earliest if has_t50(e).any() else earliest + 1.0
+    if (odd := torrents(e)).any():
+        days, flow = f"{odd.sum():,} of {count(len(odd), 'day')}", float(np.median(e.mean_inflow[odd]))
+        return (
+            f"on {days} the mean inflow, {flow:,.0f} m3/s, is too fast for the width and depth in [reach]: "
+            "check [input.units] and these"
+        )
     takes = f"by [reach] a wave takes {duration(waves)}"
     if (latest + 1.0) * T_s < waves[0] or (earliest - 1.0) * T_s > SLOW * waves[1]:
         return f"{takes}: check length, width, depth, the clocks and [input.stamp]"

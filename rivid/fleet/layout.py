@@ -17,6 +17,10 @@ DEFAULTS = "defaults.toml"
 """What the reaches share, in a directory of configurations."""
 
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}")
+DATED = re.compile(
+    r"(19|20)\d\d([-_.]?(0[1-9]|1[0-2])([-_.]?(0[1-9]|[12]\d|3[01]))?)?|0?[1-9]|[12]\d|3[01]", re.ASCII
+)
+"""Names of directories of a year, a month or a day."""
 OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
 """What OUT holds of the fleet itself; no reach is called so."""
 
@@ -64,7 +68,7 @@ def find_fleet(
     is shared by all reaches. `estimators` replace the configured ones. `beside` returns the configuration in
     the directory of a reach's logs, or None; its keys replace shared ones, and a ConfigError of it becomes
     the fault of that reach. ConfigError if the shared configuration cannot be read; NoDataError if there are
-    configurations of a fleet and no reach.
+    configurations of a fleet and no reach, or if all directories are those of years, months or days.
     """
     from rivid.config import Config, merged, parse, read_config
 
@@ -88,6 +92,13 @@ def find_fleet(
     elif configs is not None:
         shared = read_config(configs)
         parse(shared, Config, str(configs))  # a fault of it is reported once, not for each reach
+
+    holding = [path for path, holds in folders.items() if holds]
+    if holding and all(path.name not in own and _is_dated(path) for path in holding):
+        from rivid.logs.days import below
+
+        which = f"the directories in {data_dir} are dates, not reaches, such as {min(holding).name}"
+        raise NoDataError(f"{which}: {below(data_dir)}")
 
     def made(path: Path, mine: Path | None) -> Reach:
         fault = _fault(path, data_dir)
@@ -127,6 +138,22 @@ def holds_logs(folder: Path) -> bool:
             )
     except OSError:
         return True
+
+
+def _is_dated(folder: Path) -> bool:
+    """Whether a directory is of a year, a month or a day: by its name, and by those of its daily logs."""
+    from rivid.logs.spec import is_day_file
+
+    if not DATED.fullmatch(folder.name):
+        return False
+    try:
+        days = [path.name.replace("-", "") for path in folder.iterdir() if is_day_file(path.name)]
+    except OSError:
+        return False
+    name = re.sub(r"\D", "", folder.name).zfill(2)
+    if len(name) > 2:
+        return all(day.startswith(name) for day in days)
+    return bool(days) and any({day[k : k + 2] for day in days} == {name} for k in (4, 6))
 
 
 def _fault(path: Path, data_dir: Path) -> str:

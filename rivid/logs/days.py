@@ -129,12 +129,27 @@ def find_days(
     if not parts:
         names = ", YYYY-MM-DD".join(SUFFIXES)
         why = f"no logs in {place}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
+        if more := below(root):
+            why = f"no logs in {place} itself: {more}"
         if bad:
             why = f"no log in {place} can be used: {bad[0][0]}: {bad[0][1]}"
         if files:
             why = f"no log in {place} holds more of a day than the row at its midnight"
         raise NoDataError(why)
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
+
+
+def below(root: Path) -> str:
+    """What to do with logs in the directories of a directory; "" where there are none."""
+    for folder, folders, names in os.walk(root):
+        deep = len(Path(folder).relative_to(root).parts)
+        # three levels are year, month and day
+        folders[:] = sorted(name for name in folders if not name.startswith(".")) if deep < 3 else []
+        if log := next((n for n in sorted(names) if suffix_of(n) and not n.startswith(".")), None):
+            pattern = "/".join([shown(str(root)), *["*"] * (deep + 1)]) + str(suffix_of(log))
+            made = f"`rivid ingest {pattern} --config CONFIG --out LOGS`"
+            return f"make one directory of their logs with {made}, and give that one"
+    return ""
 
 
 def unread(root: Path, known: Mapping[str, FileFacts]) -> list[Path]:

@@ -145,7 +145,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
         # of a row that cannot be read the day is not known: it counts for those of both neighbours
         wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
         places = [int(times[min(max(fault.at, 0), len(times) - 1)]) for fault in wrong]
-        faults += {Fault(at, f"{file}, {f.text}", f.cut) for at, f in zip(places, wrong, strict=True)}
+        faults += {f._replace(at=at, text=f"{file}, {f.text}") for at, f in zip(places, wrong, strict=True)}
         for name in columns.numbers:
             piece = _piece(name, columns, times, file, spec)
             piece[-1][rows] = ValueStatus.TIME
@@ -270,7 +270,7 @@ class Canonical:
             picked = np.unique(last[held])
             origins.append((series, picked[np.isfinite(series.values[picked])]))
         there = np.isfinite(total)
-        return grid.times[there], total[there] * self.signal.factor, origins
+        return grid.times[there], converted(total[there], self.signal), origins
 
     def reports_within(self, grid: Grid) -> Origins:
         """The reports of a local day, sampled or not."""
@@ -279,6 +279,16 @@ class Canonical:
             low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
             found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
         return found
+
+
+def converted(total: Floats, signal: Signal) -> Floats:
+    """A total (n,) of a column's sources in SI units, to 15 digits: what comes after them is not measured.
+
+    A double holds 15 decimal digits, so that 4.1287 L/s are 0.0041287 m3/s, not 0.004128700000000001.
+    """
+    if signal.factor == 1.0 and len(signal.sources) == 1:
+        return total
+    return np.array([float(f"{value:.15g}") for value in (total * signal.factor).tolist()])
 
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
@@ -299,7 +309,7 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
             common = reduce(np.intersect1d, [part.times[rows] for part, rows in parts])
             parts = origins = [(part, rows[np.isin(part.times[rows], common)]) for part, rows in parts]
             total = reduce(np.add, [part.values[rows] for part, rows in origins])
-            columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
+            columns.append(Canonical(signal, common - signal.shift, converted(total, signal), origins))
         for part, rows in parts:
             part.statuses[rows] = ValueStatus.USED
     return columns
@@ -365,7 +375,7 @@ def judge(
         day.status, day.reason = "refused", f"{own[0].text}{more}"
         # on a longer day the zone sets its own clock back
         still = grid.end == grid.start + 86_400 * MICRO and clocks_change(date)
-        if given and still and " is logged twice " in own[0].text:
+        if given and still and own[0].twice:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
     elif whole:
         try:

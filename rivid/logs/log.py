@@ -486,6 +486,7 @@ def make_log(table: Table, spec: Spec) -> Log:
     zone = zone_of(columns, spec, table.name)
     events: dict[str, list[int]] = {}
     times, faults = in_utc(columns, zone, spec)  # faults are at a row
+    refused = set(times[[fault.at for fault in faults]].tolist())
     values = {signal.name: _total(signal, columns, spec, events) for signal in spec.signals}
     faults += suspect(columns, times, spec, zone)
     faults += [bad._replace(at=max(bad.at - 1, 0)) for bad in columns.bad]
@@ -508,7 +509,7 @@ def make_log(table: Table, spec: Spec) -> Log:
         twice, found = repeated(
             signal.name, times, column, there, zone, lambda row: columns.place(int(order[row]))
         )
-        dated += found
+        dated += [fault for fault in found if fault.at not in refused]
         there = np.delete(there, twice)
         series[signal.name] = (own, column) if len(there) == len(own) else (own[there], column[there])
     times = np.delete(times, again) if len(again) else times  # mostly shared with the series
@@ -566,7 +567,7 @@ def repeated(
         if values[old] != values[new]:
             moment = clock(int(times[new]), zone, with_date=True)
             text = f"{moment} is logged twice with different {name}: {values[old]:.6g} and {values[new]:.6g}"
-            faults.append(Fault(int(times[new]), f"{place(new)}: {text} ({place(old)})"))
+            faults.append(Fault(int(times[new]), f"{place(new)}: {text} ({place(old)})", twice=True))
     return again, faults
 
 

@@ -38,6 +38,7 @@ class Fault(NamedTuple):
     at: int  # number of usable rows before it, or its time [us]
     text: str  # where it is, what is wrong, and what to do
     cut: bool = False  # whether it is the end of a log that is still being written, or was cut off
+    twice: bool = False  # whether it is a second value of the same time
 
 
 @dataclass(frozen=True)
@@ -160,11 +161,11 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
             return f'the header is separated by "{shown}": set [input] separator = "{shown}"'
     if header.startswith("#") and not spec.input.comment:
         return 'the first line is a comment: set [input] comment = "#", or skip_rows'
-    lower = {name.lower(): name for name in names if name}
+    lower = {name.lower(): name for name in names if name and name not in (*spec.sources, *spec.time)}
     near = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.3)
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""
     listed = ", ".join(printable(name[:40]) for name in names[:12]) + (", ..." if len(names) > 12 else "")
-    none = ' or "" where it is not logged' if role == "u_Qo" else ""
+    none = ', or u_Qo = "" where the outflow is not logged' if role == "u_Qo" else ""
     own = "; for an export of another system `rivid sniff FILE` proposes [input]"
     if {"time", "u_Qi"} <= set(names):
         own = "; of logs that `rivid ingest` wrote, the configuration is next to them"

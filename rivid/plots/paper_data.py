@@ -16,7 +16,7 @@ from rivid.core.hydraulics import TravelBounds
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS, Days
 from rivid.logs.days import find_days, read_window
-from rivid.results.read import EstimatorResults, Results
+from rivid.results.read import EstimatorResults, Results, no_run
 from rivid.types import Floats, Ints
 
 
@@ -107,9 +107,7 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
         run = json.loads(path.read_text(encoding="utf-8"))
         config, place = parse(run["config"], Config, str(path)), Path(run["data_dir"])
     except FileNotFoundError:
-        raise NoDataError(
-            f"{out} holds no finished run (run.json is missing): run `rivid run DATA_DIR --out OUT` first"
-        ) from None
+        raise no_run(out) from None
     except (ValueError, KeyError) as error:
         raise RividError(f"{path} cannot be read ({error}): run again") from None
     if logs is None and not place.exists():

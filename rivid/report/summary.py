@@ -250,6 +250,14 @@ def _wave(results: Results, e: EstimatorResults) -> Floats:
     return e.bound_gravity_s if results.output_unit == "m" else e.bound_kinematic_s
 
 
+def torrents(e: EstimatorResults) -> Bools:
+    """Return the days with a flow that has no travel time (5), of shape (n,): its Froude number is 2 or more.
+
+    Where no geometry is configured all days are such.
+    """
+    return np.isfinite(e.mean_inflow) & ~np.isfinite(e.bound_gravity_s)
+
+
 def _ends(values: Floats) -> tuple[float, float] | None:
     """Lowest and highest finite value."""
     finite = values[np.isfinite(values)]
@@ -415,13 +423,18 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
     given = recent.given if recent.given.any() else np.isfinite(recent.values)
     gravity = _ends(recent.estimator.bound_gravity_s[given])
     fast = int((impossible(results, recent.estimator, recent.quantity)[0] & given).sum())
-    if gravity is None or (recent.quantity == "t50" and not fast):
+    odd = torrents(recent.estimator) & given
+    if not odd.any() and (gravity is None or (recent.quantity == "t50" and not fast)):
         return None
     middle = recent.values + (0.5 if recent.quantity == "delay" else 0.0)
     ratio = _median((middle * results.sample_time / recent.estimator.bound_gravity_s)[given])
     slow = recent.quantity != "t50" and ratio > LONG
     days = int(given.sum())
-    return {"code": "given", "gravity": gravity, "fast": fast, "days": days, "ratio": ratio, "slow": slow}
+    flow = _median(recent.estimator.mean_inflow[odd])
+    return {
+        "code": "given", "gravity": gravity, "fast": fast, "days": days, "ratio": ratio, "slow": slow,
+        "torrents": int(odd.sum()), "flow": flow,
+    }  # fmt: skip
 
 
 def doubted(results: Results, recent: LastWeek) -> str:

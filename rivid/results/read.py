@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
+RECORD = "run.json"  # the record of a run: settings, counts and versions, and the hashes of its files
 SCHEMA_VERSION = 1  # version of the results contract; a reader refuses a newer one
 
 
@@ -110,14 +111,29 @@ def load_results(out: Path | str) -> Results:
         )
         return results_of(run, delays, fir, criterion)
     except FileNotFoundError as error:
-        raise NoDataError(
-            f"{out} holds no finished run ({Path(error.filename).name} is missing): "
-            "run `rivid run DATA_DIR --out OUT` first"
-        ) from None
+        raise no_run(out, Path(error.filename).name) from None
     except KeyError as error:
         raise RividError(f"{out}: results cannot be read (they lack {error}): run again") from None
     except (OSError, ValueError, TypeError) as error:
         raise RividError(f"{out}: results cannot be read ({error}): run again") from None
+
+
+def reaches_in(out: Path) -> list[str]:
+    """The reaches of a fleet that have been run into OUT."""
+    return sorted(path.parent.name for path in out.glob(f"*/{RECORD}"))
+
+
+def no_run(out: Path, lacks: str = RECORD) -> NoDataError:
+    """The error for a directory without the results of a run; of a fleet's OUT it names the reaches."""
+    if names := reaches_in(out):
+        listed = ", ".join([*names[:12], *["..."][: len(names) > 12]])
+        return NoDataError(
+            f"{out} holds no run of its own but those of {listed}: give the directory of one, "
+            f"such as {out / names[0]}"
+        )
+    return NoDataError(
+        f"{out} holds no finished run ({lacks} is missing): run `rivid run DATA_DIR --out OUT` first"
+    )
 
 
 def refuse_parts(run: Mapping[str, Any], out: Path) -> None:
@@ -136,9 +152,6 @@ def read_json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-RECORD = "run.json"  # the record of a run: settings, counts and versions, and the hashes of its files
 
 
 def last_record(out: Path) -> dict[str, Any]:
@@ -218,7 +231,7 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
 
     path = Path(out) / "delays.parquet"
     if not path.exists():
-        raise NoDataError(f"{path} does not exist: run `rivid run DATA_DIR --out OUT` first")
+        raise no_run(path.parent, path.name)
     last_record(Path(out))  # refuses a newer one; the table may stand alone
     frame = pd.read_parquet(path)
     frame["date"] = pd.to_datetime(frame["date"])

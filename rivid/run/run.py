@@ -294,13 +294,16 @@ def _rows(
         return np.full(n, np.nan) if values is None else values
 
     delay, travel = given(answer.delay), answer.travel
-    begin, middle = (delay, delay + 0.5) if travel is None else (travel, travel)
+    if travel is None:  # in whole nanoseconds: 6 samples of 0.1 s are 0.6 s, not 0.6000000000000001
+        begin, middle = (np.round((delay + part) * reach.sample_time, 9) for part in (0.0, 0.5))
+    else:
+        begin = middle = travel * reach.sample_time
     columns: dict[str, Any] = shared | {
         "estimator": [name] * n,
         "status": answer.status.tolist(),
         "delay_samples": delay,
-        "delay_s": begin * reach.sample_time,
-        "travel_time_s": middle * reach.sample_time,
+        "delay_s": begin,
+        "travel_time_s": middle,
         "half_response_s": given(answer.half) * reach.sample_time,
         "noise_sd": np.sqrt(given(answer.noise_variance)),
         "roughness_sd": np.sqrt(given(answer.roughness_variance)),

@@ -82,6 +82,12 @@ def redated(days, by, name, among=slice(None)):
     return changed(days, [name], lambda x: np.roll(x, by * len(days[0].inflow)), among)
 
 
+def noisy(days, size):
+    """Return the days with the level of a gauge that explains less of its moves."""
+    rng = np.random.default_rng(2)
+    return [replace(day, output=day.output + size * rng.normal(size=len(day.output))) for day in days]
+
+
 def held(days, k, first, last):
     """Return the days with a gauge that is stuck on day k from one hour to another."""
 

@@ -7,7 +7,7 @@ import pytest
 
 from rivid.check import check_days
 from rivid.config import Config, parse
-from tests.check.season import NAMES, late, redated, sound, the_one
+from tests.check.season import NAMES, late, noisy, redated, sound, the_one
 
 LEVEL_DRIFT, LEVEL_DATES = (pytest.param("output", by, marks=pytest.mark.long) for by in (60, 1))
 
@@ -59,6 +59,16 @@ def test_dates_that_are_a_day_off(column, by):
     finding = the_one(wrong, config, "dates", column=NAMES[column], sense="late" if by > 0 else "early")
     # a day with a shifted neighbour may match both states
     assert set(finding.days) <= {day.date for day in days[9:26]} and len(finding.days) >= 12
+
+
+def test_dates_and_clocks_are_found_by_a_gauge_that_explains_a_third_of_its_moves():
+    days, config = sound(30)
+    wrong = redated(noisy(days, 0.027), 1, "inflow", slice(12, None))
+    finding = the_one(wrong, config, "dates", column="u_Qi", sense="late")
+    assert {day.date for day in days[13:29]} <= set(finding.days) <= {day.date for day in days[11:]}
+    wrong = late(noisy(days, 0.02), 3600, "inflow", among=slice(12, None))
+    finding = the_one(wrong, config, "clock.hour", column="u_Qi", sense="late")
+    assert {day.date for day in days[13:]} <= set(finding.days) <= {day.date for day in days[12:]}
 
 
 def test_exchanged_or_inverted_columns_from_a_date_on_or_always():

@@ -101,3 +101,9 @@ def test_a_missing_hour_of_another_night_or_in_the_zone_of_the_logs_is_no_findin
     kept = [r for r in rows(date, zone="") if r[0][10:13] != "T02"]
     report = check(put(tmp_path / "b", kept, name=f"{date}.csv"), config(time_zone="Europe/Paris"))
     assert report.findings == [] and report.exit_code == 0
+    date = dt.date(2008, 10, 26)
+    autumn = rows(date, zone="")
+    again = [[r[0], f"{float(r[1]) + 1:g}", *r[2:]] for r in autumn if r[0][10:13] == "T02"]
+    whole = [*autumn[:82], *again, *autumn[82:]]
+    report = check(put(tmp_path / "c", whole, name=f"{date}.csv"), config(time_zone="Europe/Paris"))
+    assert "occurs twice in Europe/Paris" in report.days[0].reason and report.findings == []

@@ -1,12 +1,14 @@
 """Test that columns in another unit, and open balances, are found with their factor and their days."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pytest import approx
 
 from rivid.check import check_days
 from rivid.config import Config, parse
-from tests.check.season import CFS, NAMES, scaled, sound, the_one
+from tests.check.season import CFS, NAMES, noisy, scaled, sound, the_one
 
 FOOT = 0.3048
 
@@ -58,6 +60,32 @@ def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
     values = the_one(wrong, config, "unit.range_unit", low=100, high=800, unit="cfs").values
     assert [flow["column"] for flow in values["flows"]] == ["u_Qi", "u_Qo"]
     the_one(wrong, configured(config, "reach", discharge_range=(100, 5000)), "unit.flows", unit="cfs")
+
+
+@pytest.mark.parametrize(("first", "area"), [(17, True), (11, True), (6, True), (11, False)])
+def test_both_flows_in_another_unit_from_a_date_on_are_found_by_the_level(first, area):
+    days, config = three_weeks()
+    some = slice(first, None)
+    wrong = noisy(scaled(days, 1000, "inflow", "outflow", among=some), 0.025)
+    finding = the_one(wrong, config if area else Config(), "unit.flows_days", when=some, unit="L/s")
+    assert finding.values["ratio"] == approx(1000, rel=0.3)
+
+
+def test_a_canal_that_is_filled_from_a_date_on_has_the_same_unit():
+    days, config = three_weeks()
+    few = slice(0, 10)
+    small = [replace(day, output=130 + (day.output - 130) / 30) for day in days[few]]
+    found = check_days([*scaled(small, 1 / 30, "inflow", "outflow"), *days[10:]], config)
+    assert "unit" not in {finding.kind for finding in found}
+
+
+@pytest.mark.parametrize("first", [15, 5])
+def test_flows_without_a_level_that_is_explained_are_found_by_their_range_with_dates(first):
+    days, config = three_weeks()
+    some = slice(first, None)
+    pool = [replace(day, outflow=None) for day in scaled(days, 1000, "inflow", among=some)]
+    finding = the_one(pool, config, "unit.range_unit", when=some, unit="L/s")
+    assert finding.values["flows"][0]["converted"] == approx(300, rel=0.5)
 
 
 def test_a_declared_unit_that_does_not_fit():

@@ -58,6 +58,17 @@ def test_failed_days_fit_eighty_columns_and_are_printed_once_with_quiet(rivid, s
     assert done.code == 3 and "2008-03-11" in done.output
 
 
+def test_the_first_run_points_to_check_and_flows_that_are_too_fast_are_named(rivid, logs, tmp_path):
+    narrow = tmp_path / "narrow.toml"
+    narrow.write_text("[reach]\nlength = 8200\nwidth = 1\ndepth = 4.9\n")
+    words = ("run", logs, "--config", narrow, "--out", tmp_path / "out", "--no-figures")
+    first, second = rivid(*words).stdout, rivid(*words, "--force").stdout
+    assert "new here?" in first and "new here?" not in second and " 0 done before" in second
+    assert re.search(
+        r"on (\d+) of \1\sdays?\sthe mean inflow, \d+ m3/s, is too fast", " ".join(first.split())
+    )
+
+
 def test_the_summary_of_a_fleet_fits_eighty_columns(capsys):
     names = [f"{LONG[:77]}{i:03d}" for i in range(300)]
     found = {"failing": names, "left_band": names[:1], "unanswered": [], "silent": [], "changed": []}
@@ -65,7 +76,7 @@ def test_the_summary_of_a_fleet_fits_eighty_columns(capsys):
     found |= {"reaches": 300, "data_sets": 9, "before": {"made": "2024-05-01T06:00:00+00:00"}}
     fleet.print_summary(found, 3, Path("out"))
     lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 80 and lines[1].startswith("  300 fail: the-very-long")
+    assert max(map(len, lines)) <= 80 and lines[1].startswith("  300 failing: the-very-long")
 
 
 def test_the_proposal_of_sniff_fits_eighty_columns(rivid):

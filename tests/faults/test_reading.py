@@ -247,7 +247,10 @@ class TestCsv:
         put(tmp_path, rows(), head="time,u_Qi,u_Qi,h_L")
         assert "2 columns are named 'u_Qi': expected one" in reason(tmp_path)
         put(tmp_path, [[r[0], r[1], r[3]] for r in rows()], head="time,u_Qi,h_L")
-        assert 'Set [input] u_Qo to the log\'s own name or "" where it is not logged' in reason(tmp_path)
+        assert "u_Qo; there are: time, u_Qi, h_L. Set [input] u_Qo to the log's own name, or " in reason(
+            tmp_path
+        )
+        assert 'u_Qo = "" where the outflow is not logged' in reason(tmp_path)
 
     @pytest.mark.parametrize(
         "content", [b"", b"\n", b"\r\n\r\n", HEAD.encode(), HEAD.encode() + b"\n", b"\0" * 5000]

@@ -35,6 +35,26 @@ def test_directories_of_logs_are_reaches_unless_the_directory_has_logs_of_its_ow
     assert find_fleet(data, None) is None
 
 
+@pytest.mark.parametrize("name", ["2008-03", "2008", "2008_03_10", "03", "10"])
+def test_directories_of_dates_are_no_reaches(tmp_path, name):
+    write_days(tmp_path / "logs" / name, 1)
+    with pytest.raises(
+        NoDataError, match=r"are dates, not reaches, .* `rivid ingest .*/logs/\*/\*.csv --config"
+    ):
+        find_fleet(tmp_path / "logs", None)
+    folder = configs(tmp_path, **{name: ""} if "_" not in name else {"defaults": ""})
+    if "_" not in name:  # configured as a reach
+        assert [reach.name for reach in find_fleet(tmp_path / "logs", folder)] == [name]
+    write_days(tmp_path / "logs" / "upper", 1)
+    assert len(find_fleet(tmp_path / "logs", None)) == 2
+
+
+def test_reaches_with_numbers_are_no_dates(tmp_path):
+    for name in ("2001", "2002", "01", "12"):
+        write_days(tmp_path / name, 30)  # from 2008-03-10 on
+    assert len(find_fleet(tmp_path, None)) == 4
+
+
 def test_own_keys_stand_over_shared_ones(data, tmp_path):
     folder = configs(
         tmp_path,

@@ -157,6 +157,13 @@ def test_nothing_to_read_says_what_was_looked_for(tmp_path, what):
     assert str(root) in str(caught.value)
 
 
+def test_logs_two_directories_down_are_pointed_to(tmp_path):
+    write_days(tmp_path / "2008-03" / "a", 1)
+    found = rf"no logs in {tmp_path} itself: .* `rivid ingest {tmp_path}/\*/\*/\*.csv --config"
+    with pytest.raises(NoDataError, match=found):
+        find_days(tmp_path, config())
+
+
 def test_only_bad_files_say_what_is_wrong_with_the_first(tmp_path):
     (tmp_path / "export.csv").write_text("a;b\n1;2\n")
     with pytest.raises(

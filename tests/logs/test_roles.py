@@ -42,6 +42,10 @@ def choices(proposal, key):
         ("Portata in arrivo", "Portata scaricata a valle (m3/s)", "Quota invaso (m s.l.m.)"),
         ("Portata a monte", "Portata a valle", "Altezza idrometrica"),
         ("Caudal entrante", "Caudal saliente", "Altura de lámina"),
+        ("Zufluss m3/s", "Abgabe m3/s", "OWP m ü.A."),
+        ("Zulauf", "Ablauf", "Stauspiegel"),
+        ("Zulauf", "Ablauf", "X7"),
+        ("ZU", "AB", "PEGEL"),
     ],
 )
 def test_the_words_of_other_languages_are_known(proposed, inflow, outflow, level):
@@ -136,6 +140,21 @@ def test_no_sum_holds_columns_of_two_sites(proposed):
 def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected):
     found = given(proposed(*names))
     assert {key: found[key] for key in expected} == expected
+
+
+def test_columns_that_no_name_assigns_are_other_choices_and_not_left_out(proposed):
+    proposal = proposed("XA", "XB", "level")
+    assert (given(proposal)["u_Qi"], given(proposal)["u_Qo"], given(proposal)["h_L"]) == ("XA", "XB", "level")
+    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys) and "columns left out" not in proposal.toml
+    proposal = proposed("inflow", "level", "P1", "Temp [°C]")
+    assert "u_Qo" not in given(proposal) and choices(proposal, "u_Qo") == ["P1", "Temp [°C]"]
+    assert 'u_Qo: is it P1 or Temp [°C], or "" as the outflow is not logged?' in proposal.open_questions
+    assert given(proposed("inflow", "level"))["u_Qo"] == ""
+    proposal = proposed("QZ", "QA", "W1", "rain mm")
+    assert proposal.kind == "river" and choices(proposal, "h_L") == ["W1", "rain mm"]
+    assert "h_L" in proposal.open_keys
+    proposal = proposed("QZ", "QA", "W")
+    assert (given(proposal)["h_L"], proposal.kind) == ("W", "pool")
 
 
 def test_two_discharges_of_a_river_are_asked_about_unless_named(proposed):

@@ -8,7 +8,9 @@ from click.testing import CliRunner
 
 from rivid.cli.figures import command
 from rivid.errors import LockedError, NoDataError
-from rivid.results.read import SCHEMA_VERSION
+from rivid.export import law_of
+from rivid.plots.paper_data import read_run
+from rivid.results.read import SCHEMA_VERSION, load_delays, load_results
 from rivid.results.store import SEGMENT, Store, to_table, write_tables
 from tests.plots.synthetic import dates_of, results
 
@@ -80,6 +82,15 @@ def test_a_directory_without_a_run_is_left_untouched(tmp_path):
     with pytest.raises(NoDataError, match="holds no finished run"):
         raise invoke(out).exception
     assert not out.exists()
+
+
+def test_the_results_of_a_fleet_are_those_of_its_reaches(tmp_path):
+    for name in ("upper", "lower"):
+        store_run(results(("ml",), dates_of(2), unanswered=0), tmp_path / name)
+    one = r"those of lower, upper: give the directory of one, such as .*/lower"
+    for read in (load_delays, load_results, read_run, law_of):
+        with pytest.raises(NoDataError, match=one):
+            read(tmp_path)
 
 
 def test_a_running_run_is_not_disturbed(tmp_path):

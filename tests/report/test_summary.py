@@ -439,3 +439,16 @@ def test_a_delay_far_longer_than_the_gravity_wave_puts_the_geometry_in_doubt():
         run.estimators[0] = dataclasses.replace(e, bound_gravity_s=(e.delay + 0.5) * run.sample_time / share)
         waves = summary_of(run)["waves"]
         assert waves["ratio"] == pytest.approx(share) and waves["slow"] == slow
+
+
+@pytest.mark.parametrize("odd", [3, 21])
+def test_a_flow_that_is_too_fast_for_the_geometry_is_named(tmp_path, odd):
+    """Regression: flows in litres a second left the row of the gravity wave out."""
+    wrong = among(21, odd)
+    bound, flow = np.where(wrong, NAN, 1000.0), np.where(wrong, 3e5, 300.0)
+    run = simple([7] * 21, bound_gravity_s=bound, mean_inflow=flow)
+    waves = summary_of(run)["waves"]
+    assert (waves["torrents"], waves["flow"]) == (min(odd, 7), 3e5)
+    html, _ = write(run, tmp_path)
+    text = f"On {min(odd, 7)} of 7 days the mean inflow, 300,000 m³/s, is too fast"
+    assert "Gravity wave</dt>" in html and text in html

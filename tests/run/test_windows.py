@@ -171,3 +171,12 @@ def test_a_travel_time_is_the_same_in_samples_at_any_sample_time(sample_time):
     found = package.posterior(u[None, :400], y[None, :400], config=settings)
     assert found.travel[0] == pytest.approx(DELAY + 2.0, abs=1.5)
     assert found.sample_time == sample_time
+
+
+def test_the_delays_of_short_samples_have_no_digits_of_floating_point(logs, tmp_path):
+    settings = SETTINGS | {"jmap": {"d_min": 13, "d_max": 14, "order": 60}}
+    settings["run"] = {"window": "20 s", "estimators": ["jmap"]}
+    run(logs, tmp_path / "out", parse(settings, Config), Options(workers=1))
+    rows = rows_of(tmp_path / "out")
+    assert {row["delay_samples"] for row in rows} == {"14"}
+    assert {(row["delay_s"], row["travel_time_s"]) for row in rows} == {("0.7", "0.725")}

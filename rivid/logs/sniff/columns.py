@@ -3,7 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,29 +37,30 @@ TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a
 _ROLES = (
     (
         "h_L",
-        r"level|stage|niveau|c[oô]t[ea]|pegel|wasserstand|elev|height|forebay|hauteur|livell[oi]|n[ií]vel"
+        r"level|stage|niveau|c[oô]t[ea]|pegel|spiegel|wasserstand|elev|height|forebay|hauteur|livell[oi]|n[ií]vel"
         r"|quota|altezza|altura|idrometr|limn[ií]|plan d'eau|l[áâa]mina|^h(_l)?$|^z$"
         rf"|{TIDE}"
-        r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
+        r"|^w$|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
-        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|ablauf|abgabe|^ab$"
+        r"|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
         r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])"
         r"|(?<![a-z])valle(?![a-z])|scaric|uscent|uscita",
     ),
     (
         "u_Qi",
-        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"
+        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|zulauf|^zu$|release|q_?i$|incoming|entrante"
         r"|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])"
         r"|(?<![a-z])monte(?![a-z])|arrivo|ingress",
     ),
     ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|vaz[ãa]o|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
 _SURE = {
-    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|incoming|aff?lu|apport",
-    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|outgoing|salien"
-    r"|deflu|efluent",
+    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|zulauf|^zu$|incoming|aff?lu|apport",
+    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|ablauf|abgabe|^ab$|outgoing"
+    r"|salien|deflu|efluent",
     "flow": r"^q_l$",
 }
 # names of a side of the reach; other names are of a place or a device on one side or the other
@@ -132,6 +133,9 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
         unit_text = match[1]
     flow = stated_unit(name, unit_text, level=False)
     level = "" if flow else stated_unit("", unit_text, level=True)
+    if not unit_text and not flow:  # "OWP m ü.A."; of a name that ends in mm it is rather rain
+        ends = (text[match.end() :] for match in _BREAK.finditer(text))
+        level = next((u for end in ends if (u := stated_unit("", end, level=True)) not in ("", "mm")), "")
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
     if role == "h_L" and flow:
         return "flow", flow
@@ -354,9 +358,40 @@ Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
-    """Assign columns to roles; `questions` get what the names do not determine."""
+    """Assign columns to roles; `questions` get what the names do not determine.
+
+    What no name and no unit assigns is another choice of the roles that are not found.
+    """
     if len(columns) > 1 and not any(c.role for c in columns):
         return _by_order(columns, questions)
+    free = [c for c in columns if not c.role]
+    named = {c.role for c in columns if c.role}
+    sure = {c.role for c in columns if c.sure}
+    names = " or ".join(c.name for c in free)
+    lacking = ""
+    if any(re.search(r"[\[(]", c.name) for c in free):
+        pass  # in brackets is the unit of something else
+    elif len(free) == 2 and named == {"h_L"}:
+        lacking = "flow"
+    elif len(free) == 1 and {"u_Qi", "u_Qo"} <= sure and "h_L" not in named:
+        lacking = "h_L"
+        questions.append(("h_L", f"h_L: is {names} the level? (no name states it)"))
+    if lacking:
+        columns, free = [c if c.role else replace(c, role=lacking) for c in columns], []
+    roles, kind, instead = _by_words(columns, questions)
+    for role in ("u_Qi", "u_Qo") if kind == "pool" else ("u_Qi", "Q_L", "h_L"):
+        if free and not roles.get(role):
+            instead[role] = [[c] for c in free[:MOST]]
+            if role == "u_Qo":
+                questions.append((role, f'u_Qo: is it {names}, or "" as the outflow is not logged?'))
+            elif role == "h_L":
+                text = f'is {names} the level? Then kind = "pool", and u_Qo is what Q_L is here'
+                questions.append((role, text))
+    return roles, kind, instead
+
+
+def _by_words(columns: list[ColumnGuess], questions: Questions) -> Roles:
+    """Assign columns to roles by the words in their names, and their units."""
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
     levels = [c for c in columns if c.role == "h_L"]
     if not levels:

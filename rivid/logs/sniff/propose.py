@@ -128,10 +128,11 @@ class Proposal:
             lines = f"the last {count} lines hold" if count > 1 else "the last line holds"
             self.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
         self._stamps()
-        if left := [column.name for column in self.columns if column not in self.used]:
+        used = {column.name for column in self.used}
+        if left := [column.name for column in self.columns if column.name not in used]:
             self.ask("", f"{'tags' if layout.value else 'columns'} left out: {', '.join(left)}")
         if any(self.instead.values()):
-            self.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
+            self.ask("", "the lines in comments of u_Qi and the like are other choices, in their place")
         self.toml = self._toml(name)
         self.open_questions = [text for _, text in self.questions]
         self.open_keys = tuple(dict.fromkeys(key for key, _ in self.questions if key))
@@ -146,7 +147,8 @@ class Proposal:
         keys: dict[str, Any] = {"layout": "long" if layout.value else "wide"}
         keys["time"] = _one_or_all([layout.names[i] for i in layout.time_at])
         keys |= {role: _names(group) for role, group in self.roles.items()}
-        if self.kind == "pool" and "u_Qo" not in self.roles:
+        keys |= {role: None for role in self.instead if role not in self.roles}  # to be chosen
+        if self.kind == "pool" and "u_Qo" not in keys:
             keys["u_Qo"] = ""
         if layout.value:
             keys |= {"tag": _one_or_all([*layout.tag]) if layout.tag else None, "value": layout.value}
@@ -227,7 +229,8 @@ class Proposal:
     def _stamps(self) -> None:
         """Intervals of the columns, and the question of their time stamps."""
         layout, step = self.layout, self.step
-        tags = [layout.tag_steps.get(column.name, []) for column in self.used]
+        others = (column for groups in self.instead.values() for group in groups for column in group)
+        tags = [layout.tag_steps.get(column.name, []) for column in (*self.used, *others)]
         if any(map(_unsteady, tags if layout.value else [layout.steps])):
             self.ask(
                 "hold",
@@ -262,9 +265,9 @@ class Proposal:
             lines.append(f"sample_time = {self.step * self.every:g}")
         lines += [*FILL_IN, "", "[input]"]
         for key, value in self.keys.items():
-            if value is None or value == getattr(DEFAULT, key) or isinstance(value, dict):
+            if isinstance(value, dict) or (value is not None and value == getattr(DEFAULT, key)):
                 continue
-            lines += _entry(key, value)
+            lines += _entry(key, value) if value is not None else []
             for group in self.instead.get(key, ()):
                 lines += [f"# {line}" for line in _entry(key, _names(group), WIDTH - 2)]
         if self.layout.other_formats:
