@@ -117,17 +117,16 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
     now = "" if computed is None else f", {computed:,} estimated now"
     since = minute(summary["before"].get("made", ""))
     click.echo(f"{_reaches(summary['reaches'])}, {count(summary['data_sets'], 'data set')}{now}")
-    for kind, one, many, rest in (
-        ("failing", "fails", "fail", ""),
-        ("left_band", "has", "have", " a delay that has moved in the last nine weeks"),
-        ("untested", "has", "have", " too few answered days for the test of the last week"),
-        ("doubtful", "has", "have", " a delay that does not fit the waves of [reach]"),
-        ("unanswered", "has", "have", " no answer in the last week"),
-        ("silent", "is", "are", " silent"),
-        *([("changed", "changed", "changed", f" since the report of {since}")] if since else []),
+    for kind, words in (
+        ("failing", "failing"),
+        ("left_band", "with a delay that has moved in the last nine weeks"),
+        ("untested", "with too few answered days for the test of the last week"),
+        ("doubtful", "with a delay that does not fit the waves of [reach]"),
+        ("unanswered", "without an answer in the last week"),
+        ("silent", "silent"),
+        *([("changed", f"changed since the report of {since}")] if since else []),
     ):
         names = summary[kind]
-        words = f"{one if len(names) == 1 else many}{rest}"
         listed = ", ".join([*map(abbreviate, names[:MOST_LINES]), *["..."][: len(names) > MOST_LINES]])
         text = f"{len(names):,} {words}" + (f": {listed}" if names and kind != "changed" else "")
         click.echo(click.style(wrap(text, 2), fg="red" if names and kind == "failing" else None))

@@ -178,7 +178,7 @@ def test_a_file_name_that_is_not_utf8_is_no_obstacle(data, tmp_path):
     ("text", "status", "message"),
     [
         ("order = 640", "unidentifiable", "order 640 is too long for 650 samples"),
-        ("order = 640", "unidentifiable", "or set [run] window_days = 2 or more"),
+        ("order = 640", "unidentifiable", "set [run] window_days = 2 or more"),
         ("max_iterations = 2", None, "not settled after 2 rounds"),
     ],
 )
