@@ -110,7 +110,7 @@ def test_reaches_without_a_test_are_counted_apart_from_those_that_rest(tmp_path,
     print_summary(found, None, tmp_path)
     said = capsys.readouterr().out
     assert "1 with too few answered days for the test of the last week: a" in said
-    assert "2 reaches, 9 data sets" in said and "1 fails: c" in said
+    assert "2 reaches, 9 data sets" in said and "1 failing: c" in said
 
 
 @pytest.mark.parametrize(
