@@ -22,7 +22,6 @@ from rivid.diagnosis.data import Record, read_record
 from rivid.diagnosis.decision import Study
 from rivid.diagnosis.explanation import Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import HOURS, Model
-from rivid.diagnosis.result import closed_share
 from rivid.diagnosis.workflow import COARSE, find_effects
 from rivid.report.diagnosis import write_diagnosis
 from rivid.types import Bools, Floats
@@ -99,7 +98,8 @@ def main() -> None:
         found |= np.array([e.where.dates[0] <= d <= e.where.dates[1] for d in record.dates])
     overlap = float((found & days).sum() / (found | days).sum())
     base, end = (errors_of(one, study.split.sealed) for one in (study.first, study.last))
-    closed = [closed_share(*map(float, x)) for x in zip(base, end, floor, strict=True)]
+    b, e, f = (np.square(errors) for errors in (base, end, floor))
+    closed = ((b - e) / (b - f)).tolist()
 
     quiet = read_record(LOGS, seen, last=QUIET)[0]
     calm, _ = conclude(studied(seen, quiet), library_of(seen), None)
@@ -119,7 +119,7 @@ def main() -> None:
         [name, *(f"{v:.1f}" for v in values)]
         for name, values in (("without", base), ("with the named effects", end), ("bypass given", floor))
     ]
-    gaps.append(["gap closed", *("-" if c is None else f"{c:.2f}" for c in closed)])
+    gaps.append(["gap closed", *(f"{c:.2f}" for c in closed)])
     text = (
         "# The hidden bypass of Glen Canyon Dam\n\n"
         "Written by `make diagnose-real`. The diagnosis receives the power release of the dam and the discharge at\n"
