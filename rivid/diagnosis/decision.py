@@ -659,10 +659,16 @@ class Study:
 
     @cached_property
     def contradicted(self) -> bool:
-        """Whether the sealed days contradict what is named."""
-        return self.last is not self.first and worse_on(
-            self.last, self.first, self.split.sealed, self.split.block
-        )
+        """Whether the sealed days contradict what is named.
+
+        They do beyond the scatter of their blocks, or if the squared error grows by :data:`MATERIAL` at all
+        horizons an hour or more ahead: such a model is no improvement, however few blocks there are.
+        """
+        if self.last is self.first:
+            return False
+        share, _ = shares(self.last, self.first, self.split.sealed, self.split.block)
+        worse = bool((share[1:] < -MATERIAL).all())
+        return worse or worse_on(self.last, self.first, self.split.sealed, self.split.block)
 
 
 def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | None:

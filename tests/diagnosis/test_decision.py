@@ -176,6 +176,17 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert not study.contradicted
 
 
+def test_no_name_stands_whose_error_grows_at_all_horizons_on_the_sealed_days():
+    """However the blocks scatter: one of them is twice as wrong, the others a little better."""
+    nothing, first = explained(), SPLIT.sealed & (BLOCK == BLOCK[SPLIT.sealed][0])
+    for grown, contradicted in (([1, 2, 3], True), ([1, 2], False)):
+        one = explained("leakage", 6.0, MUCH, parent=nothing)
+        one.errors.squares[np.ix_(grown, first)] = 2.0 * SPLIT.sealed.sum() / first.sum()
+        assert not worse_on(one, nothing, SPLIT.sealed, BLOCK)
+        study = study_of(nothing, one)
+        assert study.sure == ("leakage",) and study.contradicted == contradicted
+
+
 def test_an_effect_in_front_of_which_an_immaterial_one_stands_is_named_alone():
     nothing = explained()
     small = explained("outflow_lag", 3.0, 0.01, parent=nothing)
