@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LEVEL = 0.9
-"""Level of the set whose coverage is computed."""
+"""Level of the set of delays; its coverage is computed."""
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def _numbers(results: Results, e: EstimatorResults, noun: str) -> list[str]:
     n, edge, whole = f["with_delay"], f["at_bound"], rounded(results, e)
     if n:
         if f["common_days"] < SPREAD_OUT * n:
-            span = travel_within(f["low"], f["high"], T_s)
+            span = travel_within(f["low"], f["high"], T_s, whole)
             lines.append(f"delay {samples_first([f['median']], T_s, whole)}, 80 % of the {noun}s {span}")
         else:
             of = f"{f['common_days']:,} of {count(n, noun)}"

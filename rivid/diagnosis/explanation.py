@@ -419,14 +419,21 @@ def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
     return sorted(found, key=lambda one: -one.likely)
 
 
-def _density(one: Explanation, record: Record) -> float:
-    """Return the mean log density of a fit's own days: a missing effect can make some of them far noisier."""
+def _sums(one: Explanation, record: Record) -> tuple[Floats, Floats, Floats]:
+    """Return the squares of each day's innovations, their number, and the log density of innovations of 0.
+
+    Shape (days,) each; see :func:`rivid.diagnosis.predictive.day_densities`.
+    """
     seen = np.where(record.used, one.residual, np.nan)
     r = one.noise.whiten(seen, activity=record.activity)
     squares = (r * r).sum(axis=1)
-    plain = one.noise.log_likelihood(seen, record.activity) + 0.5 * squares
-    tails = tails_of(one, record)
-    return float(day_densities(squares, 0.0 * squares, plain, (r != 0.0).sum(axis=1), tails).mean())
+    return squares, (r != 0.0).sum(axis=1), one.noise.log_likelihood(seen, record.activity) + 0.5 * squares
+
+
+def _density(one: Explanation, record: Record) -> float:
+    """Return the mean log density of a fit's own days: a missing effect can make some of them far noisier."""
+    squares, counts, plain = _sums(one, record)
+    return float(day_densities(squares, 0.0 * squares, plain, counts, tails_of(one, record)).mean())
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
@@ -436,7 +443,6 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     """
     noise = one.noise
     seen = np.where(record.used, one.residual, np.nan)
-    r = noise.whiten(seen, activity=record.activity)
     found = _information(noise, seen, one.columns, record)
     low, high = _room(one.model, one.sd)
     p, far = len(one.shared), 1.0 / WIDE  # an effect's columns are valid up to its own size
@@ -445,8 +451,8 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     off[:p] = vector_of(one.model.reach) - [f.mean for f in one.model.reach.parameters]
     within = one.sd * low, one.sd * high
     squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights, off, within)
-    plain = noise.log_likelihood(seen, record.activity) + 0.5 * (r * r).sum(axis=1)
-    density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
+    _, counts, plain = _sums(one, record)
+    density = day_densities(squares, log_det, plain, counts, tails)
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)
     one = replace(one, density=density, change=change, standard_errors=errors)
     if one.parent is not None and one.bonus is not None and one.parent.bonus is None:
@@ -460,9 +466,7 @@ TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)
 
 def tails_of(one: Explanation, record: Record) -> float:
     """Return the degrees of freedom of greatest likelihood for the common scales of the open days."""
-    seen = np.where(record.used, one.residual, np.nan)
-    r = one.noise.whiten(seen, activity=record.activity)
-    chosen = (one.weights > 0.0) & (r != 0.0).any(axis=1)
-    squares, counts = (r * r).sum(axis=1)[chosen], (r != 0.0).sum(axis=1)[chosen]
-    nothing = np.zeros(len(squares))
+    squares, counts, _ = _sums(one, record)
+    chosen = (one.weights > 0.0) & (counts > 0)
+    squares, counts, nothing = squares[chosen], counts[chosen], np.zeros(int(chosen.sum()))
     return max(TAILS, key=lambda t: float(day_densities(squares, nothing, nothing, counts, t).sum()))
