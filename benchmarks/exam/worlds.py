@@ -151,7 +151,7 @@ def draw(seed: int, attempt: int = 0) -> World:
     if kind != "linear":
         table["channel"] = {
             "bed_level": level - depth - 0.5 * fall, "slope": fall / length,
-            "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": 40,
+            "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": 120,
             "width_modes": rng.normal(0.0, (0.12, 0.08, 0.05, 0.03)).tolist(),
             "bed_modes": (0.05 * depth * rng.normal(size=3)).clip(-1, 1).tolist(),
             "manning_modes": rng.normal(0.0, (0.1, 0.08, 0.06)).tolist(),

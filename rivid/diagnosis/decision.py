@@ -169,13 +169,15 @@ def removes(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -
 
 
 def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether an error an hour or more ahead grows by :data:`MATERIAL` in nearly all draws.
+    """Return whether errors an hour or more ahead grow by :data:`MATERIAL` in nearly all draws.
 
-    Nearly all: all but :data:`DOUBT`. A smaller growth is allowed: if operators react to the weather, a
-    response biased by a missing effect can forecast a day ahead better than the true one.
+    Nearly all: all but :data:`DOUBT`. The growth is the geometric mean over the horizons. At a single one it
+    is allowed: if operators react to the weather, a response biased by a missing effect can forecast a day
+    ahead better than the true one.
     """
     _, draws = shares(one, other, chosen, blocks)
-    return bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
+    growth = np.log(np.maximum(1.0 - draws[:, 1:], 1e-9)).mean(axis=1)
+    return bool(np.quantile(growth, DOUBT) > np.log(1.0 + MATERIAL))
 
 
 def is_material(
@@ -317,7 +319,7 @@ def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | Non
     made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
     if any(other is effect for other in model.effects):
         try:
-            made = model.baseline(record) - _lacking(model, effect).baseline(record)
+            made = model.rough.baseline(record) - _lacking(model, effect).rough.baseline(record)
         except RividError:
             return None
     if made is None:

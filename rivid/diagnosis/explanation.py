@@ -50,6 +50,7 @@ class Explanation:
     parent: "Explanation | None" = None  # explanation that this one extends by an effect or unknown cause
     density: Floats | None = None  # (days,): log density of each day by the fit without its block
     errors: DayErrors | None = None  # of forecasts by the same fits, at HORIZONS
+    defect: Floats | None = None  # (days, n): output minus that of the cheaper response
     change: Floats | None = None  # (days, k): change of the parameters without the block of each day
     standard_errors: Floats | None = None  # (k,): of the parameters, scatter between blocks included
 
@@ -179,12 +180,19 @@ def fitted(
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
-    base = model.baseline(few)
-    z = residual_of(few, base) - coded[open_days]
+    fixed = coded[open_days]
+    if start is None or start.defect is None:
+        base = model.baseline(few)
+        defect = model.defect(few, base)
+    else:
+        defect = start.defect[open_days]
+        base = model.rough.baseline(few) + defect
+    exact = start is None  # whether the defect is that of the present values
+    z = residual_of(few, base) - fixed
     shared = None if start is None else start.shared
-    J = model.jacobian(few, base, None if shared is None else shared[:, open_days])
+    J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
-    damping, weights, stale = LEAST_DAMPING, None, start is not None
+    damping, weights, stale, corrected = LEAST_DAMPING, None, start is not None, False
     for step in range(steps):
         seen = np.where(few.used, z, np.nan)
         if same and start is not None and step < FIXED:
@@ -204,8 +212,8 @@ def fitted(
                 break
             try:
                 other = _moved(model, move * sd)
-                base_other = other.baseline(few)
-                z_other = residual_of(few, base_other) - coded[open_days]
+                base_other = other.rough.baseline(few) + defect
+                z_other = residual_of(few, base_other) - fixed
                 w = noise.whiten(np.where(few.used, z_other, np.nan), activity=few.activity)
             except RividError:  # the flow is impossible: a shorter step
                 damping = max(8.0 * damping, 1e-2)
@@ -215,29 +223,40 @@ def fitted(
             if fell > 0.0:
                 moved = _values(other) - _values(model)
                 J = _secant(J, moved / sd, sd, base_other - base)
-                model, z, base = other, z_other, base_other
+                model, z, base, exact = other, z_other, base_other, False
                 damping = max(damping / 8.0, LEAST_DAMPING)
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         least = max(enough, RELIABLE * promised if fresh > 0 else 0.0)
         if same and step < FIXED or fell >= least and (step > 0 or fresh == 0):
-            stale = True
+            stale, corrected = True, False
             continue
-        if fresh == 0 or not stale and fell < enough:
+        if (fresh == 0 or not stale and fell < enough) and (exact or corrected):
             break
+        base = model.baseline(few)
+        defect, exact = model.defect(few, base), True
+        z = residual_of(few, base) - fixed
+        if fresh == 0 or not stale and fell < enough:
+            corrected = True
+            continue
         del J
-        J, shared, stale, fresh = model.jacobian(few, base), None, False, fresh - 1
+        J, shared, stale, fresh = model.jacobian(few, base - defect), None, False, fresh - 1
         damping = LEAST_DAMPING
+    if not exact:
+        base = model.baseline(few)
+        defect = model.defect(few, base)
+        z = residual_of(few, base) - fixed
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
         rest = record.take(sealed)
         base = model.baseline(rest)
+        more = model.defect(rest, base)
         left = residual_of(rest, base) - coded[sealed]
-        other_J = model.jacobian(rest, base, None if shared is None else shared[:, sealed])
+        other_J = model.jacobian(rest, base - more, None if shared is None else shared[:, sealed])
     else:
-        left, other_J = z[:0], J[:, :0]
+        left, other_J, more = z[:0], J[:, :0], defect[:0]
     whole = np.zeros(record.days)
     whole[open_days] = weights
     if shared is None:
@@ -245,7 +264,7 @@ def fitted(
     return Explanation(
         model, unknown, log_prior, _joined(open_days, z, left), shared,
         _joined(open_days, J[p:], other_J[p:], np.float32), sd, whole, others, events, parent=parent,
-        inflation=inflation,
+        inflation=inflation, defect=_joined(open_days, defect, more, np.float32),
     )  # fmt: skip
 
 

@@ -169,6 +169,17 @@ class Model:
         """Return the output about the observed output, shape (days, n)."""
         return self.reach.baseline(record, self.changes(record))
 
+    @property
+    def rough(self) -> "Model":
+        """The model with the cheaper response."""
+        rough = self.reach.rough
+        return self if rough is self.reach else replace(self, reach=rough)
+
+    def defect(self, record: Record, base: Floats) -> Floats:
+        """Return what the baseline `base` differs from that of the cheaper response by, shape (days, n)."""
+        rough = self.rough
+        return np.zeros(base.shape) if rough is self else base - rough.baseline(record)
+
     def recall(self, record: Record) -> float:
         """Return the share of a level error that remains after a sample with the effects; 1 for most effects.
 
@@ -180,9 +191,10 @@ class Model:
             return 1.0
         few = record.take(np.linspace(0, record.days - 1, min(record.days, SOME)).astype(int))
         off = replace(few, output=few.output + OFF)
-        bare = replace(self, effects=(), free=())
+        rough = self.rough
+        bare = replace(rough, effects=(), free=())
         try:
-            more, plain = (one.baseline(off) - one.baseline(few) for one in (self, bare))
+            more, plain = (one.baseline(off) - one.baseline(few) for one in (rough, bare))
         except RividError:
             return 1.0
         steps = min(max(round(HOURS[1] * HOUR / record.sample_time), 1), few.time.shape[1] - 1)
@@ -231,9 +243,9 @@ class Model:
         return replace(self, effects=tuple(effects))
 
     def jacobian(self, record: Record, base: Floats, shared: Floats | None = None) -> Floats:
-        """Compute the columns of all free parameters at the baseline, shape (p + q, days, n).
+        """Compute the columns of all free parameters, shape (p + q, days, n), by the cheaper response.
 
-        `shared` may give those of the response.
+        `base` is its baseline; `shared` may give the columns of the response.
         """
         values, candidates = self.values(), []
         steps = np.empty(len(values))
@@ -244,6 +256,6 @@ class Model:
                 if abs(steps[j]) >= 1e-3 * scale:
                     break
             candidates.append(moved.changes(record))
-        columns = sensitivities(self.reach, record, candidates, self.changes(record), shared, base)
+        columns = sensitivities(self.reach.rough, record, candidates, self.changes(record), shared, base)
         columns[len(columns) - len(steps) :] /= steps[:, None, None]
         return columns

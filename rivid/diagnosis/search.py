@@ -63,7 +63,8 @@ class Library:
         """Compute the columns of the effects that are possible in a record's reach."""
         able = (e for e in classes.values() if e.acts_on(record.kind))
         kernels = kernels_of(model.reach, record)
-        base = model.baseline(record)
+        reach = model.reach.rough
+        base = reach.baseline(record, model.changes(record))
         hourly: dict[str, Any] = {}
         trials: list[Trial] = []
         columns: list[Any] = []
@@ -79,7 +80,7 @@ class Library:
                         changes = [changes_of((*model.effects, one), world) for one in trial.effects]
                         pairs = zip(changes, trial.sizes, strict=True)
                         found = np.asarray(
-                            [(model.reach.baseline(record, one) - base) / size for one, size in pairs],
+                            [(reach.baseline(record, one) - base) / size for one, size in pairs],
                             np.float32,
                         )
                 except RividError:  # the reach cannot carry the flows
@@ -503,7 +504,8 @@ def squares_left(model: Model, parent: Explanation, record: Record, days: Bools 
     """Return the sum of squares of a model's residual on open days, with noise and weights of `parent`."""
     opened = parent.weights > 0.0 if days is None else days
     few = record.take(opened)
-    left = residual_of(few, model.baseline(few)) - parent.coded[opened]
+    base = model.baseline(few) if parent.defect is None else model.rough.baseline(few) + parent.defect[opened]
+    left = residual_of(few, base) - parent.coded[opened]
     white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
     return float(parent.weights[opened] @ (white * white).sum(axis=1))
 

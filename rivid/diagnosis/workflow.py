@@ -70,6 +70,8 @@ HOPELESS = 100.0
 day]: in five development seasons, effects gained up to 60."""
 CARRIED = 0.8
 """Smallest share of the days with flows that a response must carry; below it the geometry is wrong."""
+FEW_CELLS = 16
+"""Cells of a channel while its response settles from draws, which differ by more than the error of a cell."""
 COARSE = 3
 """A response is first fitted to every third open day."""
 SETTLING, CHAINS = 6, 2
@@ -187,11 +189,10 @@ def find_effects(
         search.begin_round(turn, most)
         for other in promising if turn == 0 else ():
             search.extend(other)
-        search.extend(parent)
+        parent = search.extend(parent)
         again = search.again(parent)
         if again is not parent:  # its extensions begin at a better response
-            parent = again
-            search.extend(parent)
+            parent = search.extend(again)
         extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
         if (lead.names, "") not in extended:
@@ -205,15 +206,15 @@ def find_effects(
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
-        if (lead.names, lead.unknown) in extended:
+        if turn == most - 1:
+            break
+        # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
+        if (lead.names, lead.unknown) in extended or len(lead.effects) > len(lead.names) == len(start):
             # An immaterial effect that is likelier hides what is material: beside it, that shows.
             lead = search.ordered()[0]
             if small or (lead.names, lead.unknown) in extended or lead.added is None or lead.unknown:
                 break
             small = True
-        # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
-        if turn == most - 1 or len(lead.effects) > len(lead.names) == len(start):
-            break
         parent = lead
     report(1.0, "the sealed days")
     return search.study()
@@ -425,8 +426,11 @@ class _Search:
         )
         return next(counts, self.first)
 
-    def extend(self, parent: Explanation) -> None:
-        """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool."""
+    def extend(self, parent: Explanation) -> Explanation:
+        """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool.
+
+        Returns the explanation that they extend: `parent`, or a better fit of the same.
+        """
         parent, latent = self._with_unknown(parent)
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
@@ -460,6 +464,7 @@ class _Search:
         for stranger in STRANGERS:
             if stranger.found_as not in there and stranger.acts_on(record.kind):
                 self._with_unknown_events(parent, library, stranger, gauge)
+        return parent
 
     def _with_unknown_events(
         self, parent: Explanation, library: Library, effect: type[Effect], latent: Sequence[Explanation] = ()
@@ -794,8 +799,8 @@ def _spread(days: int) -> Ints:
 
 
 def _coarse(reach: Response) -> Response:
-    """Return the response on half the cells, which takes a quarter of the time."""
-    return replace(reach, cells=reach.cells // 2) if isinstance(reach, HydraulicResponse) else reach
+    """Return the response on :data:`FEW_CELLS`."""
+    return replace(reach, cells=FEW_CELLS) if isinstance(reach, HydraulicResponse) else reach
 
 
 def _able(nominal: Response, reach: Response, record: Record) -> Response:

@@ -37,7 +37,7 @@ class Curve:
     surface_area: None = None
     name: str = field(default="curve", init=False)
 
-    with_parameters = Response.with_parameters
+    with_parameters, rough = Response.with_parameters, Response.rough
 
     def baseline(self, record, changes=NO_CHANGES):
         a, b = (p.value for p in self.parameters)
@@ -126,6 +126,30 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_mean_the_truth(cur
 
 
 # Where a fit begins
+
+
+class Costly(Curve):
+    @property
+    def rough(self):
+        return Cheap(self.parameters, self.curvature)
+
+
+class Cheap(Curve):
+    """A curve that is wrong by a share and a constant, for the steps of :class:`Costly`."""
+
+    def baseline(self, record, changes=NO_CHANGES):
+        return 0.9 * super().baseline(record) + 0.3
+
+
+@pytest.mark.parametrize("fresh", [0, 3])
+def test_steps_on_a_cheaper_response_end_at_the_optimum_of_the_costly_one(fresh):
+    record = columns(np.random.default_rng(1), 12, curvature=0.05)
+    own, cheap = (fit(kind(two(), 0.05), record, fresh=fresh, steps=60) for kind in (Curve, Costly))
+    off = values(cheap) - values(own)
+    assert off @ precision(own, record) @ off < 0.1
+    base = cheap.model.baseline(record)
+    np.testing.assert_allclose(cheap.residual, residual_of(record, base), rtol=1e-12)
+    np.testing.assert_allclose(cheap.defect, base - cheap.model.rough.baseline(record), rtol=1e-5)
 
 
 def test_a_linear_response_settles_where_it_is_fitted():
@@ -413,7 +437,8 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     parent = fitted(plain, planted, every, steps=2)
     model = replace(plain, effects=(gain(error=0.08),), free=(("error",),))
     one = fitted(model, planted, every, steps=3, parent=parent)
-    made = one.model.baseline(planted) - replace(one.model, effects=(), free=()).baseline(planted)
+    both = one.model.rough, replace(one.model, effects=(), free=()).rough
+    made = both[0].baseline(planted) - both[1].baseline(planted)
     alone = made_alone(one, one.model.effects[0], planted)
 
     def white(values):

@@ -101,6 +101,11 @@ class Response(ABC):
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the output, linearised about the observed output, shape (days, n) [m or m3/s]."""
 
+    @property
+    def rough(self) -> "Response":
+        """A cheaper response with the same parameters, for differences: on fewer cells, where it has cells."""
+        return self
+
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the output, running free from each row's start: that of a linear model is its baseline."""
         return self.baseline(record, changes)

@@ -61,10 +61,14 @@ def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
 SHAPE = ("length", "width", "depth", "fall", "manning", "bank", "gate_time")
 BANKS = 1.0, 1.0, 4.0
 """Horizontal run of the banks per metre up, its prior sd and its limit [-]: walls to meadows."""
-CELLS = 32
-"""Cells of a channel. In five of eight pools with nothing missing, of T_s 65 to 305 s, 48 cells were 112 to
-1,900 nats likelier than 24, where a delay that follows the flow compensated for the difference; 32 cells gain
-43 to 82 % of that in 1.25 times the time of 24 (48: twice)."""
+CELLS, PER_SAMPLE = (48, 96), 12
+"""Limits of the number of cells of a channel, and cells for each sample that a wave takes to cross it. A front
+is wrong by about the time of a wave through a cell. With 64 cells instead of 32, 24 days with nothing missing
+of six pools (1.3, 2.8, 4.5, 6.6, 6.8 and 8.8 samples) were 147, -5, 510, 64, 1,294 and 1,716 nats likelier;
+with 96, by another 50, 0, 26, 16, 521 and 615."""
+ROUGH_CELLS = 24
+"""Cells for differences between similar channels, in steps of a fit and for its columns. Fits of five pools
+that took these from 24 or 32 cells ended within 25 nats of each other."""
 FALL = 0.15
 """Initial fall of the bed of a pool, in depths; its uncertainty is larger."""
 HEADROOM = 1.15
@@ -113,7 +117,7 @@ class HydraulicResponse(Response):
     # does at the usual flow
     level: float
     flow: float
-    cells: int = CELLS  # number of cells of the channel
+    cells: int = ROUGH_CELLS  # number of cells of the channel
     # wave speed over length [1/s] for which the time steps are set: that of the nominal channel, so that the
     # output is smooth in the parameters. 0: that of each day's start
     pace: float = 0.0
@@ -138,7 +142,7 @@ class HydraulicResponse(Response):
         width_modes: int = MODES,  # modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed
         bed_modes: int = MODES,
         corrections: bool = True,  # of first lags of the outflow, and of those about the inflow's arrival
-        cells: int = CELLS,
+        cells: int | None = None,  # default: by :data:`PER_SAMPLE`
     ) -> "HydraulicResponse":
         """Return a response from the configured geometry."""
         if slope is not None and not 0.0 <= slope * length <= 2.0 * depth:
@@ -162,12 +166,16 @@ class HydraulicResponse(Response):
             name = f"bed_mode_{j}"
             shape.append(FreeParameter(name, "m", 0.0, 0.0, 0.08 * depth, -0.25 * depth, 0.25 * depth))
         made = cls(
-            (*shape, gauge_lag()), level, flow, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
+            (*shape, gauge_lag()), level, flow, width_modes=width_modes, bed_modes=bed_modes
         )  # fmt: skip
-        made = replace(made, pace=HEADROOM * fastest_wave(made.channel, flow, level) / length)
+        samples = float(arrival_time(made.channel, [flow], [level])[0]) / sample_time
+        made = replace(
+            made, pace=HEADROOM * fastest_wave(made.channel, flow, level) / length,
+            cells=cells or min(max(math.ceil(PER_SAMPLE * samples), CELLS[0]), CELLS[1]),
+        )  # fmt: skip
         if not corrections:
             return made
-        delay = math.ceil(float(arrival_time(made.channel, [flow], [level])[0]) / sample_time) - 1
+        delay = math.ceil(samples) - 1
         lags = tuple(delay + lag for lag in ARRIVAL_LAGS if delay + lag >= 1)
         scale = sample_time / made.channel.surface_area(level)
         sd, limit = CORRECTION_SD * scale, CORRECTION_LIMIT * scale
@@ -175,6 +183,11 @@ class HydraulicResponse(Response):
         added = (FreeParameter(name, "m per m3/s", 0.0, 0.0, sd, -limit, limit) for name in names)
         parameters = (*made.parameters[:-1], *added, made.parameters[-1])
         return replace(made, parameters=parameters, outflow_lags=GATE_LAGS, inflow_lags=lags)
+
+    @property
+    def rough(self) -> "HydraulicResponse":
+        """See the base class."""
+        return self if self.cells <= ROUGH_CELLS else replace(self, cells=ROUGH_CELLS)
 
     @property
     def surface_area(self) -> float:
