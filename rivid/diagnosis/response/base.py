@@ -103,7 +103,7 @@ class Response(ABC):
 
     @property
     def rough(self) -> "Response":
-        """A cheaper response with the same parameters, for differences: on fewer cells, where it has cells."""
+        """A cheaper response with the same parameters, for differences: on fewer cells, if it has any."""
         return self
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:

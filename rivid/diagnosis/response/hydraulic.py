@@ -62,8 +62,8 @@ SHAPE = ("length", "width", "depth", "fall", "manning", "bank", "gate_time")
 BANKS = 1.0, 1.0, 4.0
 """Horizontal run of the banks per metre up, its prior sd and its limit [-]: walls to meadows."""
 CELLS, PER_SAMPLE = (48, 96), 12
-"""Limits of the number of cells of a channel, and cells for each sample that a wave takes to cross it. A front
-is wrong by about the time of a wave through a cell. With 64 cells instead of 32, 24 days with nothing missing
+"""Limits of the number of cells of a channel, and cells for each sample that a wave takes to cross it. Fronts
+are wrong by about the time of a wave through a cell. With 64 cells instead of 32, 24 days with nothing hidden
 of six pools (1.3, 2.8, 4.5, 6.6, 6.8 and 8.8 samples) were 147, -5, 510, 64, 1,294 and 1,716 nats likelier;
 with 96, by another 50, 0, 26, 16, 521 and 615."""
 ROUGH_CELLS = 24
