@@ -46,6 +46,7 @@ class Made:
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
     bonus: Any = None
+    way: Any = None
 
     @property
     def effects(self):
