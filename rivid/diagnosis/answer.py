@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def conclude(
         Diagnosis(
             verdict, reason, study.last.model.reach.name, _estimates(study), _named(study, classes),
             remainder or _of_noise(study) if missing else None, gap,
-            {f.name: v for f in fields(noise) if (v := getattr(noise, f.name)) is not None}, _notes(study),
+            {name: v for name, v in vars(noise).items() if v is not None}, _notes(study),
             closed_loop(study), _ranking(study), _small(study), _next(study, verdict, classes),
         ),
         evidence,

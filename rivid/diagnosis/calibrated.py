@@ -102,7 +102,7 @@ def calibration(model: Model) -> dict[str, Any]:
         "response": type(reach).__name__,
         "settings": own,
         "parameters": {p.name: p.natural for p in reach.parameters},
-        "noise": {f.name: value for f in fields(noise) if (value := getattr(noise, f.name)) is not None},
+        "noise": {name: value for name, value in vars(noise).items() if value is not None},
         "level": model.level,
         "flow": model.flow,
         "gauge_floor": model.gauge_floor,

@@ -312,10 +312,15 @@ class Study:
     record: Record
     split: Split
     pool: tuple[Explanation, ...]  # all explanations, scored
-    first: Explanation  # the best one without a further effect
     notes: tuple[str, ...]
     start: tuple[Effect, ...] = ()  # effects known from the start
     found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`core`
+
+    @cached_property
+    def first(self) -> Explanation:
+        """The best explanation with the initial effects only."""
+        plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
+        return max(plain, key=self.score)
 
     @cached_property
     def opened(self) -> Bools:

@@ -334,15 +334,9 @@ class _Search:
         """Return the log density of the open days [nats]."""
         return float(one.density[self.opened].sum())
 
-    @property
-    def first(self) -> Explanation:
-        """The best explanation with the initial effects only."""
-        plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
-        return max(plain, key=self.score)
-
     def ordered(self) -> list[Explanation]:
         """Return the best explanation of each kind that may be extended, the most probable first."""
-        first, opened, block = self.first, self.opened, self.dealt.block
+        first, opened, block = self.study().first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
         pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
         chances = ranked(pool, opened, block, ended=False)
@@ -355,7 +349,7 @@ class _Search:
         counts = (
             one for one in self.ordered() if one.parent is None or study.core(one) != study.core(one.parent)
         )
-        return next(counts, self.first)
+        return next(counts, study.first)
 
     def extend(self, parent: Explanation) -> None:
         """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool."""
@@ -662,7 +656,7 @@ class _Search:
 
     def study(self) -> Study:
         """Return the explanations found."""
-        return Study(self.record, self.dealt, tuple(self.pool), self.first, tuple(self.notes), self.start)
+        return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start)
 
 
 UNKNOWNS = 2  # an unknown flow and an unknown gauge count as names in the prior

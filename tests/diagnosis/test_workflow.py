@@ -262,7 +262,7 @@ def test_the_lead_takes_a_share_of_the_error():
     pond = explained("side_storage", 60.0, 0.0, parent=nothing)
     gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
     search = SimpleNamespace(
-        first=nothing, ordered=lambda: [pond, gain, nothing], study=lambda: study_of(nothing, pond, gain),
+        ordered=lambda: [pond, gain, nothing], study=lambda: study_of(nothing, pond, gain)
     )  # fmt: skip
     assert _Search.lead(search) is gain
     search.ordered = lambda: [pond, nothing, gain]

@@ -175,9 +175,7 @@ class NoiseModel:
 
     def system(self) -> System:
         """Return the entries of the filter's matrices."""
-        numbers = _numbers(**{f.name: getattr(self, f.name) for f in fields(self)})
-        c, phi, psi, walk, inflow, level, gauge, misfit = map(float, numbers)
-        return System(c, phi, psi, walk, inflow, level, gauge, misfit, self.surface_area is not None)
+        return System._make([*map(float, _numbers(**vars(self))), self.surface_area is not None])
 
 
 def _moved(activity: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
@@ -223,8 +221,7 @@ class Limits(NamedTuple):
 
     def systems(self, points: Floats) -> Floats:
         """Return the filter's numbers at points (q, f), shape (q, 8)."""
-        given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
-        given |= dict(zip(self.free, np.exp(points).T, strict=True))
+        given = vars(self.model) | dict(zip(self.free, np.exp(points).T, strict=True))
         return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
 
