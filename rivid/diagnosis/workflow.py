@@ -389,12 +389,17 @@ class _Search:
     def _with_unknown_events(
         self, parent: Explanation, effect: type[Effect], latent: Sequence[Explanation] = ()
     ) -> None:
-        """Add events or waves of unknown cause, if any are found."""
+        """Add events or waves of unknown cause, if any are found that the reach can carry."""
         prior = self._prior(parent)
-        if effect.found_as in LEVEL_NOISES:
-            made = with_noise(parent, effect, self.record, prior, latent) if parent.bonus is None else None
-        else:
-            made = with_events(parent, effect, self._library(parent).kernels, self.record, prior)
+        if effect.found_as in LEVEL_NOISES and parent.bonus is not None:
+            return
+        try:
+            if effect.found_as in LEVEL_NOISES:
+                made = with_noise(parent, effect, self.record, prior, latent)
+            else:
+                made = with_events(parent, effect, self._library(parent).kernels, self.record, prior)
+        except RividError:
+            return
         if made is not None:
             self.pool.append(self._scored(self._made_by(made, None)))
 

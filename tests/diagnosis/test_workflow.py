@@ -12,7 +12,7 @@ from rivid.diagnosis.decision import alike
 from rivid.diagnosis.explanation import STEPS, Way, fitted
 from rivid.diagnosis.workflow import _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
-from rivid.effects.flow import RecurringFlow
+from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
 from tests.diagnosis import pools
 from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained, study_of
@@ -397,3 +397,24 @@ def test_a_response_that_leaves_what_the_sealed_days_allow_begins_where_it_carri
     (parent,) = search.begun()
     assert parent.density is not None and search.pool == [parent]
     assert search._with_unknown(parent) == (parent, []) and search.varied(parent) is parent
+
+
+def test_unknown_events_with_which_the_sealed_days_cannot_be_carried_are_left_out(monkeypatch):
+    """Regression: effects with names were left out then, and unknown events ended the diagnosis."""
+    starts = tuple(24.0 * d + 5.0 * d % 19.0 for d in range(1, 20, 2))
+    pulses = PassingFlow(starts=starts, size=60.0, duration=2.0)
+    record = pools.season(5, DAYS, effects=(pulses,), T_s=T_S)
+    search = _Search(
+        record, (pools.nominal(record),), {"leakage": CATALOGUE["leakage"]}, pools.GAUGE_FLOOR, (), print
+    )
+    (parent,) = search.begun()
+
+    def refusing(*given, **others):
+        raise RividError("no steady flow")
+
+    monkeypatch.setattr("rivid.diagnosis.search.fitted", refusing)
+    search._with_unknown_events(parent, PassingFlow)
+    assert search.pool == [parent]
+    monkeypatch.undo()
+    search._with_unknown_events(parent, PassingFlow)
+    assert [one.unknown for one in search.pool] == ["", "flow"]
