@@ -19,7 +19,6 @@ from benchmarks.exam.answering import Logs, record_of
 from benchmarks.measure import PYTHON, functions_in_turn, machine, median, table
 from rivid.diagnosis.choice import response_of
 from rivid.diagnosis.noise.model import NoiseModel, fit_noise
-from rivid.diagnosis.response.base import sensitivities
 from rivid.effects import changes_of, effect_classes
 from rivid.reach.saint_venant import Channel, Flow, simulate
 from rivid.simulation import simulate as closed
@@ -115,7 +114,10 @@ def shared() -> str:
         simulate(channel, *rows, 5.2, observed=reading)
 
     def columns() -> None:
-        sensitivities(response, record, [changes_of((effect,), world) for effect in effects])
+        base = response.baseline(record)
+        response.slopes(record, base)
+        for effect in effects:
+            response.baseline(record, changes_of((effect,), world))
 
     tasks = {(task, k): lambda t=task, k=k: on(k, t) for task in (nudged, columns) for k in (1, 2)}
     seconds = {key: median(took) for key, took in functions_in_turn(tasks, RUNS).items()}

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,20 +38,14 @@ MOST = 0.5
 seasons with nothing hidden exceed it, and eleven :data:`rivid.diagnosis.decision.MATERIAL`."""
 LEAST_RATIO = 3.0
 """Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
-FILLED = 0.5
-"""Share of the time from the first pulse to the last above which pulses are no separate events."""
-LEAST_P = 0.01
-"""Largest p-value at which the location of the remainder is reported."""
-STEP = 0.15
-"""Smallest step of the outflow, as a share of its 5-95 % range; it takes :data:`RISE` at most."""
-RISE, AFTER = 1800.0, 3600.0
-"""Longest duration of a step, and time after its end that counts as after it [s]."""
-NIGHT = (22.0, 6.0)
-"""Start and end of the night [h]."""
+FILLED = 0.5  # share of the time from the first pulse to the last above which pulses are no separate events
+LEAST_P = 0.01  # largest p-value at which the location of the remainder is reported
+STEP = 0.15  # smallest step of the outflow, as a share of its 5-95 % range; it takes RISE at most
+RISE, AFTER = 1800.0, 3600.0  # longest duration of a step, and time after its end that counts as after it [s]
+NIGHT = (22.0, 6.0)  # start and end of the night [h]
 PLACED = ("starts", "place", "per_day", "per_month", "rise")
 """Parameters that set where and when an effect acts; they are not reported as estimates."""
-MANY = 12
-"""Most values of a parameter reported one by one [-]; of more, median and 95 % range are reported."""
+MANY = 12  # most values of a parameter reported one by one [-]; of more, median and 95 % range are reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +84,7 @@ def conclude(
         Diagnosis(
             verdict, reason, study.last.model.reach.name, _estimates(study), _named(study, classes),
             remainder or _of_noise(study) if missing else None, gap,
-            {f.name: v for f in fields(noise) if (v := getattr(noise, f.name)) is not None}, _notes(study),
+            {name: v for name, v in vars(noise).items() if v is not None}, _notes(study),
             closed_loop(study), _ranking(study), _small(study), _next(study, verdict, classes),
         ),
         evidence,
@@ -274,10 +268,8 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
 
 
 def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
-    """Return standard errors of the free values of an effect of the last explanation.
-
-    A stepwise parameter has no influence between two commands, which adds to its standard error.
-    """
+    """Return standard errors of the free values of an effect of the last explanation."""
+    # A stepwise parameter has no influence between two commands, which adds to its standard error.
     errors, effect = study.last.errors_of(index), study.last.effects[index]
     for key in effect.stepwise:
         between = command_steps(study.record)[0] / np.sqrt(12.0)
@@ -318,7 +310,6 @@ def _quantile(study: Study) -> float:
 
 def _estimates(study: Study) -> tuple[Estimate, ...]:
     """Return the parameters of the response with 95 % intervals."""
-    assert study.last.standard_errors is not None
     spreads = (_quantile(study) * study.last.standard_errors).tolist()
     return tuple(
         Estimate(p.name, p.natural, p.unit, p.to_natural(p.value - spread), p.to_natural(p.value + spread))
@@ -330,7 +321,6 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
     sealed, opened, record = study.split.sealed, study.opened, study.record
 
     def rmse(one: Explanation, days: Bools, foreseen: bool) -> tuple[float, ...]:
-        assert one.errors is not None
         errors = one.errors
         if one.events and not foreseen:
             errors = day_errors(record, one.predicted + one.coded, one.noise)
@@ -343,22 +333,22 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
     )
     base, end = rmse(study.first, sealed, True), rmse(study.last, sealed, True)
     forecast = rmse(study.last, sealed, False)
-    closed = closed_forecast = None
-    if floor is not None:
-        closed, closed_forecast = (_closed(base, errors, floor) for errors in (end, forecast))
     return Gap(
         heldout_dates=tuple(d for d, kept in zip(record.dates, sealed, strict=True) if kept),
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s", rmse_baseline=base,
-        rmse_augmented=forecast, rmse_floor=None if floor is None else tuple(floor), closed=closed,
-        closed_forecast=closed_forecast, steps=steps, by_regime=regimes(study),
+        rmse_augmented=forecast, rmse_floor=None if floor is None else tuple(floor),
+        closed=_closed(base, end, floor), closed_forecast=_closed(base, forecast, floor), steps=steps,
+        by_regime=regimes(study),
         rmse_described=end if study.last.events else None,
         rmse_open_baseline=rmse(study.first, opened, True),
         rmse_open_augmented=rmse(study.last, opened, False),
     )  # fmt: skip
 
 
-def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float]) -> float | None:
+def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float] | None) -> float | None:
     """Return the median over the horizons of the share of the squared error above the floor that is gone."""
+    if floor is None:
+        return None
     b, e, f = (np.square(errors) for errors in (base, end, floor))
     above = b - f > 0.05 * b
     shares = (b - e)[above] / (b - f)[above]
@@ -438,17 +428,15 @@ def _unnamed(one: Explanation, record: Record) -> tuple[list[str], list[int]]:
 def _evidence(study: Study) -> Evidence:
     record = study.record
     first, last = study.first, study.last
-    smooth = [
+    before, after = (
         e.noise.smooth(np.where(record.used, e.residual, np.nan), record.activity) for e in (first, last)
-    ]
+    )
     runs = [m.reach.simulate(record, m.changes(record)) for m in (first.whole, last.whole)]
     start = np.argmax(record.used, axis=1)
     rows = np.arange(record.days)
     runs = [run + (record.output[rows, start] - run[rows, start])[:, None] for run in runs]
     return Evidence(
-        record, study.split, runs[0], runs[1], first.residual, last.residual,
-        smooth[0].inflow, smooth[0].inflow_sd, smooth[1].inflow, smooth[1].inflow_sd,
-        replace(last.whole, noise=last.noise),
+        record, study.split, runs[0], runs[1], first.residual, last.residual, *before, *after, last.whole
     )  # fmt: skip
 
 
@@ -467,11 +455,9 @@ def _notes(study: Study) -> tuple[str, ...]:
 
 
 def regimes(study: Study) -> tuple[Regime, ...]:
-    """Return the gap on the sealed days by the state of the reach at the target of each forecast.
-
-    States: low, middle and high inflow; for a pool, after a step of the outflow and calm; night and day. A
-    state that always or never occurs is left out. Events of the day itself are unknown, as in the gap.
-    """
+    """Return the gap on the sealed days by the state of the reach at the target of each forecast."""
+    # States: low, middle and high inflow; for a pool, after a step of the outflow and calm; night and day. A
+    # state that always or never occurs is left out. Events of the day itself are unknown, as in the gap.
     record = study.record
     first, last = study.first, study.last
     found, sealed = [], study.split.sealed
@@ -511,10 +497,8 @@ def states(record: Record) -> list[tuple[str, str, Bools]]:
 
 
 def after_step(record: Record) -> tuple[Bools, float]:
-    """Return samples in and within an hour after a step of the outflow (days, n); its least size [m3/s].
-
-    Smaller changes of the outflow occur all the time and do not count as steps.
-    """
+    """Return samples in and within an hour after a step of the outflow (days, n); its least size [m3/s]."""
+    # Smaller changes of the outflow occur all the time and do not count as steps.
     rise, after = (max(round(t / record.sample_time), 1) for t in (RISE, AFTER))
     low, high = np.quantile(record.outflow[record.used], [0.05, 0.95])
     size = max(STEP * float(high - low), 1e-9)

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rivid.types import Bools, Ints
 
-SHORT, LONG, SEASON = 3, 7, 90
-"""Days in a block: 3 for up to 90 days of data, else 7."""
+SHORT, LONG, SEASON = 3, 7, 90  # days in a block: 3 for up to 90 days of data, else 7
 
 
 class Role(IntEnum):

@@ -56,10 +56,7 @@ class ReachModel:
         return self.model.noise
 
     def kernels(self, samples: int) -> dict[str, Floats]:
-        """Return the output after 1 m3/s more of u_Qi (`up`) and u_Qo (`down`) at the usual flow, (samples,).
-
-        See :func:`rivid.diagnosis.response.base.step_responses`.
-        """
+        """Return the output (samples,) after 1 m3/s more u_Qi (`up`) or u_Qo (`down`) at the usual flow."""
         model = self.model
         return step_responses(model.reach, samples, self.sample_time, model.level, model.flow)
 
@@ -105,7 +102,7 @@ def calibration(model: Model) -> dict[str, Any]:
         "response": type(reach).__name__,
         "settings": own,
         "parameters": {p.name: p.natural for p in reach.parameters},
-        "noise": {f.name: value for f in fields(noise) if (value := getattr(noise, f.name)) is not None},
+        "noise": {name: value for name, value in vars(noise).items() if value is not None},
         "level": model.level,
         "flow": model.flow,
         "gauge_floor": model.gauge_floor,
@@ -147,8 +144,7 @@ def load_model(path: Path | str) -> ReachModel:
 
 
 def _response(table: Mapping[str, Any]) -> Response:
-    responses: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
-    classes = {one.__name__: one for one in responses}
+    classes = {one.__name__: one for one in RESPONSES}
     if table["response"] not in classes:
         raise ConfigError(f"response = {table['response']!r}: expected one of {', '.join(classes)}")
     parameters = tuple(
@@ -185,12 +181,15 @@ def write_model(
     daily = record.inflow[:, record.lead :].mean(axis=1)
     level = record.usual_output
     tables: dict[str, dict[str, Any]] = {}
-    tables["reach"] = {"name": reach.name, "kind": reach.kind, "sample_time": record.sample_time}
-    tables["reach"]["length"] = found.get("length", reach.length)
-    tables["reach"]["width"] = found.get("width", reach.width)
+    tables["reach"] = {
+        "name": reach.name, "kind": reach.kind, "sample_time": record.sample_time,
+        "length": found.get("length", reach.length), "width": found.get("width", reach.width),
+    }  # fmt: skip
     if record.kind == "pool" and "surface_area" in found:  # a pool without hydraulics
         tables["reach"] |= {"surface_area": found["surface_area"], "inflow_gain": found["inflow_gain"]}
-        tables["reach"] |= {"depth": reach.depth, "wave_depth": _wave_depth(config, record, found["delay"])}
+        # the depth at which a wave takes the delay at the usual flow
+        celerity = reach.length / found["delay"] - record.usual_flow / (reach.width * reach.depth)
+        tables["reach"] |= {"depth": reach.depth, "wave_depth": max(celerity, 0.1) ** 2 / GRAVITY}
     if record.kind == "pool" and "length" in found:
         modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
         modes["bed"] = [0.0, *modes["bed"]]  # the first mode is the fall
@@ -229,13 +228,6 @@ def write_model(
     if effects := [e.to_table() for e in start] + [e.table for e in diagnosis.effects]:
         document["effects"] = effects
     write_text(path, MODEL_COMMENT + tomli_w.dumps(_rounded(document)))
-
-
-def _wave_depth(config: Config, record: Record, delay: float) -> float:
-    """Return the depth at which a wave takes `delay` [s] at the usual flow [m]."""
-    reach = config.reach
-    celerity = reach.length / delay - record.usual_flow / (reach.width * reach.depth)
-    return max(celerity, 0.1) ** 2 / GRAVITY
 
 
 def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:

@@ -18,11 +18,9 @@ SPREAD = 0.3
 
 
 def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
-    """Return the competing nominal responses of the configured reach.
-
-    For a pool: Saint-Venant, an integrator with delay, and the same with FIR filters on both flows for
-    unknown dynamics. For a river: a diffusive wave.
-    """
+    """Return the competing nominal responses of the configured reach."""
+    # For a pool: Saint-Venant, an integrator with delay, and the same with FIR filters on both flows for
+    # unknown dynamics. For a river: a diffusive wave.
     first = response_of(config, record)
     if record.kind == "river":
         return (first,)

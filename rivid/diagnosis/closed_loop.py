@@ -27,16 +27,12 @@ from rivid.types import Floats
 
 TURNS = 6
 """Maximum number of runs of a day, each with the front corrections for the outflow of the previous run."""
-CONVERGED = 1e-3
-"""Change of the level between runs at which they end [m]."""
-READINGS = 5
-"""Number of readings averaged for a day's initial level."""
+CONVERGED = 1e-3  # change of the level between runs at which they end [m]
+READINGS = 5  # number of readings averaged for a day's initial level
 LEAST_R2 = 0.5
 """Least share of the outflow's hourly changes that a law must explain for a closed-loop simulation."""
-FEWEST_DAYS = 3
-"""Fewest sealed days simulated to their end for which errors are reported."""
-SHOWN = 0.8
-"""Quantile of the days' outflow errors, without the effects, that selects the day in the figure."""
+FEWEST_DAYS = 3  # fewest sealed days simulated to their end for which errors are reported
+SHOWN = 0.8  # quantile of the days' outflow errors, without the effects, that selects the day in the figure
 
 
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
@@ -157,12 +153,10 @@ def first_level(day: Record, simulated: Floats) -> float:
 
 
 def closed_loop(study: Study) -> ClosedLoop | None:
-    """Compare level and outflow of the sealed days, with the operators in the loop, with the measured ones.
-
-    Each day starts from the state simulated from the logs before its first used sample, with the measured
-    level and the logged command; from there on only the inflow is logged. Returns None for a river reach, and
-    a reason without errors if the logs do not follow a law.
-    """
+    """Compare level and outflow with the operators in the loop with the measured ones of the sealed days."""
+    # Each day starts from the state simulated from the logs before its first used sample, with the measured
+    # level and the logged command; from there on only the inflow is logged. Returns None for a river reach,
+    # and a reason without errors if the logs do not follow a law.
     record = study.record
     if record.kind != "pool":
         return None

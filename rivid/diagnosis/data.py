@@ -1,7 +1,7 @@
 """Records: days of logs as rows on one grid, each preceded by samples of lead time."""
 
 import datetime as dt
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
@@ -103,13 +103,11 @@ the celerity, and the equally long shape of a front."""
 
 
 def activity(record: Record, up: Floats, down: Floats) -> Floats:
-    """Return the squared recent change of the output's rate by changes of the flows, shape (days, n).
-
-    The error of a response is largest where the flows have changed: a front that is early or late by a share
-    of a sample changes the output by that share of the change of its rate. As the position of a front is
-    uncertain by some samples, squares are averaged over :data:`NEAR` of the delay to either side. `up` and
-    `down` (n,) are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
-    """
+    """Return the squared recent change of the output's rate by changes of the flows, shape (days, n)."""
+    # The error of a response is largest where the flows have changed: a front that is early or late by a
+    # share of a sample changes the output by that share of the change of its rate. As the position of a front
+    # is uncertain by some samples, squares are averaged over NEAR of the delay to either side. `up` and
+    # `down` (n,) are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
     n = record.time.shape[1]
     order = 2 if record.kind == "pool" else 1
     total = np.zeros(record.time.shape)
@@ -128,8 +126,7 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
 
 LONGEST = 150.0
 """Longest sample to which shorter ones are joined [s]: six in the 15 minutes of the nearest forecast."""
-A_FRONT = 4
-"""Fewest samples of a usual delay after joining: the arrival of a front is fitted between samples."""
+A_FRONT = 4  # fewest samples of a usual delay after joining: the arrival of a front is fitted between samples
 
 
 def joined(config: Config, sample_time: float) -> int:
@@ -220,10 +217,8 @@ def read_record(
     last: dt.date | None = None,
     today: dt.date | dt.datetime | None = None,
 ) -> tuple[Record, "Known"]:
-    """Read the days of DATA_DIR, or of one file, that a diagnosis can use, from `first` until `last`.
-
-    Values that `rivid check` finds untrue are left out. A log of `today` may be unfinished.
-    """
+    """Read the days of DATA_DIR, or of one file, that a diagnosis can use, from `first` until `last`."""
+    # Values that `rivid check` finds untrue are left out. A log of `today` may be unfinished.
     catalog = find_days(root, config)
     failed: list[tuple[dt.date | None, str]] = [(None, f"{name}: {why}") for name, why in catalog.bad_files]
     days = []
@@ -289,12 +284,10 @@ class Known(NamedTuple):
 
 
 def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Known]:
-    """Leave out what `rivid check` finds untrue: values of the output, or whole days.
-
-    A jump of the gauge and a shifted clock are effects, and are left to the search. No search can find one on
-    sealed days alone: these days are left out. `days` are in order of dates; output that is left out becomes
-    NaN.
-    """
+    """Leave out what `rivid check` finds untrue: values of the output, or whole days."""
+    # A jump of the gauge and a shifted clock are effects, and are left to the search. No search can find one
+    # on sealed days alone: these days are left out. `days` are in order of dates; output that is left out
+    # becomes NaN.
     left, notes, dated = {day.date: day for day in days}, list[str](), list[Effect]()
     findings = [finding for finding in check_days(days, config) if finding.wrong]
     for finding in sorted(findings, key=lambda one: one.kind not in UNTRUE):
@@ -302,7 +295,8 @@ def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Kno
         if finding.days and not on:
             continue
         untrue = bool(on) and finding.kind in UNTRUE
-        hidden = bool(on) and finding.kind in ("clock", "jump") and set(on) <= _sealed(left)
+        hidden = bool(on) and finding.kind in ("clock", "jump")
+        hidden = hidden and set(on) <= set(compress(left, split([*left]).sealed))
         out = untrue or hidden
         notes.append(f"{'left out' if out else 'kept'}; rivid check finds: {finding}")
         if not out and on and finding.kind == "clock" and finding.values["column"] == "u_Qi":
@@ -316,11 +310,6 @@ def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Kno
             else:
                 del left[date]
     return [*left.values()], Known(tuple(notes), tuple(dated))
-
-
-def _sealed(dates: Iterable[dt.date]) -> set[dt.date]:
-    dealt = [*dates]
-    return set(compress(dealt, split(dealt).sealed))
 
 
 def _no_day(

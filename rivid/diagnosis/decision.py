@@ -23,12 +23,9 @@ from rivid.effects.level import RatingShift
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
-ALONE = 0.95
-"""Least probability at which an effect is named alone."""
-TOGETHER = 0.95
-"""Least probability of the smallest group of names together."""
-MATERIAL = 0.10
-"""Least share of the squared error, at one horizon, that an effect must remove to be named."""
+ALONE = 0.95  # least probability at which an effect is named alone
+TOGETHER = 0.95  # least probability of the smallest group of names together
+MATERIAL = 0.10  # least share of the squared error, at one horizon, that an effect must remove to be named
 TEMPER = 0.5
 """Exponent of the scores, divided by their inflation. Over 93 development seasons of 30 to 120 days the log
 loss of names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2
@@ -36,17 +33,18 @@ an earlier search lost two of three stretches of the bypass of Glen Canyon."""
 IMPROBABLE = 1e-3
 """Probability below which events are not compared with those of noise, which only lowers it: together fifty
 such explanations have the probability 1 - :data:`ALONE`."""
+UNKNOWN = 0.5
+"""Least probability of an unknown cause at which it is the verdict: more probable than all names together."""
 THIRD = 1.3
 """Half of the chi-square (one degree of freedom) that 2.5 of 24 variables exceed: the third largest gain per
 unit of variance of the 24 effects of a pool if none acts. For the 11 effects of a river it is 0.7."""
 HAIR = 1e-3
 """Score difference of effects that cannot be separated, so that the likelier one is named first [nats]."""
-DOUBT = 0.05
-"""Significance level of the tests that allow for the scatter between blocks."""
-DRAWS = 2000
-"""Bootstrap draws: they give a probability of 5 % to within 0.5 %."""
-SEASONS = 24
-"""Seasons simulated from a noise model: they give the variance to within 30 %."""
+DOUBT = 0.05  # significance level of the tests that allow for the scatter between blocks
+Core = tuple[tuple[str, ...], Unknown]
+"""Names and unknown cause of an explanation."""
+DRAWS = 2000  # bootstrap draws: they give a probability of 5 % to within 0.5 %
+SEASONS = 24  # seasons simulated from a noise model: they give the variance to within 30 %
 
 
 def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
@@ -55,11 +53,6 @@ def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
     out = np.zeros((*days.shape[:-1], int(label.max(initial=-1)) + 1))
     np.add.at(np.moveaxis(out, -1, 0), label, np.moveaxis(days[..., chosen], -1, 0))
     return out
-
-
-def _density(one: Explanation) -> Floats:
-    assert one.density is not None
-    return one.density
 
 
 def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: bool = True) -> Floats:
@@ -74,7 +67,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
     scores. An error of the response that is the same on all days does not scatter: :func:`_gains_of_misfit`
     measures it.
     """
-    scores = np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
+    scores = np.stack([block_sums(one.density, chosen, blocks) for one in pool])
     total = scores.sum(axis=1).tolist()
     bare = min(len(one.names) for one in pool)  # effects known from the start
     unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
@@ -110,7 +103,7 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended:
     yet: no variance is known or, if the search has `ended`, that beside one effect less is used. Effects
     confounded with a counted one and further stretches of the same effect are not counted.
     """
-    best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
+    best: dict[Core, tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
         best[tuple(sorted(one.names)), one.unknown] = score, one
     gains: dict[int, list[tuple[float, Explanation]]] = {}
@@ -136,7 +129,6 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended:
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
     """Return the share of the squared error of `other` removed by `one`, (horizons,), and bootstrap draws."""
-    assert one.errors is not None and other.errors is not None
     with_, without = (block_sums(e.squares, chosen, blocks) for e in (one.errors, other.errors))
     count = with_.shape[1]
     weights = np.random.default_rng(0).dirichlet(np.ones(count), DRAWS)
@@ -148,34 +140,28 @@ def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) ->
 
 
 def as_volume(one: Explanation, other: Explanation) -> Explanation:
-    """Scale level errors of `one` to the surface area of `other`, if this makes them smaller.
-
-    If operators hold the level, the logged outflow follows the inflow: a response with too large a surface
-    area then forecasts the level better than the true one does.
-    """
+    """Scale level errors of `one` to the surface area of `other`, if this makes them smaller."""
+    # If operators hold the level, the logged outflow follows the inflow: a response with too large a surface
+    # area then forecasts the level better than the true one does.
     area, its = one.noise.surface_area, other.noise.surface_area
-    if area is None or its is None or area >= its or one.errors is None:
+    if area is None or its is None or area >= its:
         return one
     return replace(one, errors=one.errors._replace(squares=one.errors.squares * (area / its) ** 2))
 
 
-def removes(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether an explanation removes :data:`MATERIAL` of another one's squared error at one horizon.
-
-    The removed share must also be positive in all but :data:`DOUBT` of the bootstrap draws.
-    """
+def removed(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> Bools:
+    """Return at which horizons (horizons,) `one` removes a material share of the squared error of `other`."""
     share, draws = shares(one, other, chosen, blocks)
-    return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
+    return np.asarray((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0))
 
 
 def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether errors an hour or more ahead grow by :data:`MATERIAL` in nearly all draws.
+    """Return whether errors an hour or more ahead grow materially from `other` to `one`.
 
-    Nearly all: all but :data:`DOUBT`. The growth is the geometric mean over the horizons. At a single one it
-    is allowed: if operators react to the weather, a response biased by a missing effect can forecast a day
-    ahead better than the true one.
+    The growth is the geometric mean over the horizons. At a single one it is allowed: if operators react to
+    the weather, a response biased by a missing effect can forecast a day ahead better than the true one.
     """
-    _, draws = shares(one, other, chosen, blocks)
+    _, draws = shares(as_volume(one, other), other, chosen, blocks)
     growth = np.log(np.maximum(1.0 - draws[:, 1:], 1e-9)).mean(axis=1)
     return bool(np.quantile(growth, DOUBT) > np.log(1.0 + MATERIAL))
 
@@ -183,54 +169,44 @@ def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> 
 def is_material(
     one: Explanation, other: Explanation, chosen: Bools, blocks: Ints, same: Explanation | None = None
 ) -> bool:
-    """Return whether an explanation removes enough of another one's error and makes no horizon worse.
-
-    Increases are judged against `same`, if given, since another response may differ in its volumes only.
-    Increases in a single block are not judged: they may be due to the weather of its days.
-    """
+    """Return whether an explanation removes enough of another one's error and makes no horizon worse."""
+    # Increases are judged against `same`, if given, since another response may differ in its volumes only;
+    # those in a single block are not: they may be due to the weather of its days.
+    enough = bool(removed(as_volume(one, other), other, chosen, blocks).any())
     several = len(np.unique(blocks[chosen])) > 1
-    beside = other if same is None else same
-    enough = removes(as_volume(one, other), other, chosen, blocks)
-    return enough and not (several and grows(as_volume(one, beside), beside, chosen, blocks))
+    return enough and not (several and grows(one, other if same is None else same, chosen, blocks))
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether an explanation with a name makes no forecast of an hour or more materially worse.
-
-    An effect that biases the response can do so and still be likelier, by details within a sample.
-    """
-    return not one.names or one is first or not grows(as_volume(one, first), first, chosen, blocks)
+    """Return whether an explanation with a name makes no forecast of an hour or more materially worse."""
+    # An effect that biases the response can do so and still be likelier, by details within a sample.
+    return not one.names or one is first or not grows(one, first, chosen, blocks)
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether days contradict an explanation: a lower score or a larger error, beyond the scatter.
-
-    The score and each error an hour or more ahead are separate tests that share the significance level. As
-    few blocks have hardly a scatter, the explanation must also not be improbable by their score alone.
-    """
+    """Return whether days contradict an explanation: a lower score or a larger error, beyond the scatter."""
     from scipy.stats import t
 
-    gain = block_sums(_density(one) - _density(other), chosen, blocks)
+    gain = block_sums(one.density - other.density, chosen, blocks)
     many = len(gain)
+    # Few blocks have hardly a scatter: it must not be improbable by their score alone either.
     if TEMPER * float(gain.sum()) / one.inflation < np.log(DOUBT / (1.0 - DOUBT)):
         return True
     if many < 2:  # one block has no scatter
         return False
     share, draws = shares(as_volume(one, other), other, chosen, blocks)
     # Draws of few blocks scatter too little: corrected by their number and by Student's t.
-    tests = len(share)  # the density, and all horizons but the first
+    tests = len(share)  # the density, and all horizons but the first, share the significance level
     wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
     unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
 def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
-    """Reduce the score of an explanation by the gain of events of the opposite sign in its residual.
-
-    Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
-    impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
-    """
-    seen, density = np.where(record.used, one.residual, np.nan), _density(one)
+    """Reduce the score of an explanation by the gain of events of the opposite sign in its residual."""
+    # Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
+    # impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
+    seen, density = np.where(record.used, one.residual, np.nan), one.density
     follows = np.append(False, np.diff(record.day_number) == 1)
     for events in one.events:
         if not events.kind.sign:
@@ -241,18 +217,16 @@ def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: In
         )  # fmt: skip
         more = replace(one, residual=one.residual - found.coded, events=(*one.events, found))
         more = scored(more, record, blocks, tails_of(one, record))
-        gained = max(float((_density(more) - _density(one))[opened].sum()), 0.0)
+        gained = max(float((more.density - one.density)[opened].sum()), 0.0)
         days = np.bincount([event.day for event in events.events], minlength=record.days) * opened
         density = density - gained * days / max(days.sum(), 1)
     return replace(one, density=density)
 
 
 def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
-    """Return an explanation with effect dates that begin and end on the likeliest sealed days.
-
-    Open days do not show on which of the sealed days between two of them an effect begins or ends. The sealed
-    days' score is reduced by the logarithm of the number of candidate days.
-    """
+    """Return an explanation with effect dates that begin and end on the likeliest sealed days."""
+    # Open days do not show on which of the sealed days between two of them an effect begins or ends. The
+    # score of the sealed days is reduced by the logarithm of the number of candidate days.
     for place, effect in enumerate(one.model.effects):
         for end in (0, 1) if effect.dates else ():
             able, tried = _ends(one.model.effects[place], end, record, opened), []
@@ -269,9 +243,9 @@ def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Ex
                 moved = replace(one, model=model, residual=left)
                 tried.append(scored(moved, record, blocks, tails_of(moved, record)))
             if tried:
-                one = max(tried, key=lambda each: float(_density(each)[~opened].sum()))
+                one = max(tried, key=lambda each: float(each.density[~opened].sum()))
                 chosen = np.isin(np.arange(record.days), able) & ~opened
-                one = replace(one, density=_density(one) - np.log(len(able)) / chosen.sum() * chosen)
+                one = replace(one, density=one.density - np.log(len(able)) / chosen.sum() * chosen)
     return one
 
 
@@ -294,14 +268,10 @@ def _lacking(model: Model, effect: Effect) -> Model:
 
 
 def errors_without(one: Explanation, effect: Effect, made: Floats, record: Record) -> DayErrors:
-    """Compute forecast errors of an explanation without an effect that adds `made` (days, n) to the output.
-
-    The squares of `made` are added. If the effect makes level errors decay, as a leak does, they persist
-    without it.
-    """
-    assert one.errors is not None
+    """Compute forecast errors without an effect that makes `made` (days, n) of the output."""
     noise, errors = one.noise, one.errors
     if noise.recall < 1.0 and any(other is effect for other in one.model.effects):
+        # Level errors that decay with the effect, as with a leak, persist without it.
         noise = replace(noise, recall=_lacking(one.model, effect).recall(record))
         errors = day_errors(record, one.predicted, noise, HORIZONS)
     seen = np.where(np.isfinite(one.residual), made, np.nan)
@@ -312,8 +282,7 @@ def errors_without(one: Explanation, effect: Effect, made: Floats, record: Recor
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
     """Compute the part of an effect's output that no other parameter can reproduce, shape (days, n).
 
-    All other parameters are fitted to the output by one Gauss-Newton step. Returns None if the effect is
-    neither in the simulator nor an event, or if the reach cannot carry the flows without it.
+    None if it is neither in the simulator nor an event, or if the reach cannot carry the flows without it.
     """
     model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
     made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
@@ -332,18 +301,11 @@ def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | Non
     def white(values: Floats) -> Floats:
         return np.asarray(one.noise.whiten(values, like=seen, activity=record.activity) * root)
 
+    # All other parameters are fitted to the output by one Gauss-Newton step.
     columns = one.columns[kept] * one.sd[kept, None, None]
     X, r = white(columns).reshape(len(columns), -1), white(seen[None]).ravel()
     x = np.linalg.solve(X @ X.T + np.eye(len(columns)), X @ r)
     return np.asarray(made - np.tensordot(x, columns, 1))
-
-
-UNKNOWN = 0.5
-"""Least probability of an unknown cause at which it is the verdict: more probable than all names together."""
-
-
-Cores = dict[int, tuple[Explanation, tuple[tuple[str, ...], Unknown]]]
-"""Results of :meth:`Study.core` by identity of the explanation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,10 +315,15 @@ class Study:
     record: Record
     split: Split
     pool: tuple[Explanation, ...]  # all explanations, scored
-    first: Explanation  # the best one without a further effect
     notes: tuple[str, ...]
     start: tuple[Effect, ...] = ()  # effects known from the start
-    found: Cores = field(default_factory=dict)
+    found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`core`
+
+    @cached_property
+    def first(self) -> Explanation:
+        """The best explanation with the initial effects only."""
+        plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
+        return max(plain, key=self.score)
 
     @cached_property
     def opened(self) -> Bools:
@@ -380,28 +347,24 @@ class Study:
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     def _levelled(self, one: Explanation, lead: Explanation) -> Explanation:
-        """Return `one`, at the score of `lead` less :data:`HAIR` if response errors may separate the two.
-
-        A response error can resemble the difference of two confounded effects with the same sign on all days,
-        so that no scatter reveals it. The score of unknown dynamics above that of `lead` shows its size, and
-        so does the front misfit that remains beside an effect on timing.
-        """
+        """Return `one`, at the score of `lead` less :data:`HAIR` if response errors may separate the two."""
+        # A response error can resemble the difference of two confounded effects with the same sign on all
+        # days, so that no scatter reveals it. The score of unknown dynamics above that of `lead` shows its
+        # size, and so does the front misfit that remains beside an effect on timing.
         flexible = [self.score(o) for o in self.pool if o.unknown == "dynamics"]
         behind = self.score(lead) - self.score(one)
         missed = max(flexible, default=-np.inf) - self.score(lead)
         twin = alike(one, lead) and (behind < missed or self._partly_right(lead, one))
         if one.unknown != lead.unknown or behind <= HAIR or not (twin or self._balances(one, lead)):
             return one
-        density = _density(lead) - HAIR / float(self.opened.sum())
+        density = lead.density - HAIR / float(self.opened.sum())
         prior = min(one.log_prior, lead.log_prior)
         return replace(one, density=density, log_prior=prior, parent=lead.parent, inflation=lead.inflation)
 
     def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
-        """Return whether a timing effect that `other` lacks removes most of the front misfit, not all.
-
-        Most is half of its square; the rest must be a material share. A clock offset fitted to ice on a river
-        removed three quarters.
-        """
+        """Return whether a timing effect that `other` lacks removes most of the front misfit, not all."""
+        # Most is half of its square; the rest must be a material share. A clock offset fitted to ice on a
+        # river removed three quarters.
         differing = difference(other, lead)
         if differing is None or differing[1].family != "timing":
             return False
@@ -410,11 +373,9 @@ class Study:
         return MATERIAL * before < left <= 0.5 * before
 
     def _balances(self, one: Explanation, lead: Explanation) -> bool:
-        """Return whether explanations of a river differ by one balance shift each, possibly of the rating.
-
-        The discharge is read from a rating, which may be wrong by any slow function of the stage: the
-        residual of a shift by a constant and a share is no evidence of water.
-        """
+        """Return whether explanations of a river differ by one balance shift each, possibly of the rating."""
+        # The discharge is read from a rating, which may be wrong by any slow function of the stage: the
+        # residual of a shift by a constant and a share is no evidence of water.
         differing = difference(one, lead)
         if self.record.kind != "river" or differing is None:
             return False
@@ -426,45 +387,31 @@ class Study:
 
     @cached_property
     def _counting(self) -> tuple[Explanation, ...]:
-        """Explanations that compete: harmless ones, and unknown dynamics that simulate materially better.
-
-        A response with many coefficients is always likelier than equations, as none describes a front
-        exactly. It competes only if it removes a material share of the error of the best other explanation.
-        """
+        """Explanations that compete: harmless ones, and unknown dynamics that simulate materially better."""
+        # A response with many coefficients is always likelier than equations, as none describes a front
+        # exactly. It must remove a material share of the error of the best other explanation, at the nearest
+        # horizon: at longer ones it infers unlogged flow from the operators' reaction to it.
         able = [one for one in self.pool if harmless(one, self.first, self.opened, self.split.block)]
         known = [one for one in able if one.unknown != "dynamics"]
         flexible = [one for one in self.pool if one.unknown == "dynamics"]
         if not flexible or not known:
             return tuple(able)
-        pool = leading(known, self.opened)
-        best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
-        return (*known, *(one for one in flexible if self._nearer(one, best)))
-
-    def _nearer(self, one: Explanation, best: Explanation) -> bool:
-        """Return whether unknown dynamics remove a material share of the error at the nearest horizon.
-
-        At longer horizons a flexible response infers unlogged flow from the operators' reaction to it.
-        """
-        share, draws = shares(one, as_volume(best, one), self.opened, self.split.block)
-        return bool(share[0] >= MATERIAL and np.quantile(draws[:, 0], DOUBT) > 0.0)
+        pool, days = leading(known, self.opened), (self.opened, self.split.block)
+        best = pool[int(np.argmax(ranked(pool, *days)))]
+        return (*known, *(one for one in flexible if removed(one, as_volume(best, one), *days)[0]))
 
     def _material(
         self, one: Explanation, other: Explanation, days: Bools, same: Explanation | None = None
     ) -> bool:
         return is_material(one, other, self.opened & days, self.split.block, same)
 
-    @cached_property
-    def _cores(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
-        """Material names and unknown cause of each ranked explanation, by its identity."""
-        return {id(one): self.core(one) for one, _ in self.ranking}
-
-    def core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
+    def core(self, one: Explanation) -> Core:
         """Return the names that are material given those before them, and the unknown cause if material."""
-        if id(one) not in self.found:
-            self.found[id(one)] = one, self._core(one)
-        return self.found[id(one)][1]
+        if one not in self.found:
+            self.found[one] = self._core(one)
+        return self.found[one]
 
-    def _core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
+    def _core(self, one: Explanation) -> Core:
         parent = one.parent
         if parent is None:
             return (), one.unknown
@@ -502,7 +449,7 @@ class Study:
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
             return False
-        if made is not None and one.errors is not None:
+        if made is not None:
             # Errors of a run without it may still be smaller: operators react to the weather, so that the
             # logged outflow predicts the level.
             left = errors_without(one, effect, made, self.record)
@@ -522,23 +469,18 @@ class Study:
         return self._material(one, parent, one.active(self.record, now[-1]))
 
     def _swings(self, effect: Effect) -> bool:
-        """Return whether a seiche's variance is a material share of the least squared error at a horizon.
-
-        The least of all explanations is used: the filter of the extended one may fit the swing as weather.
-        """
+        """Return whether a seiche's variance is a material share of the least squared error at a horizon."""
         amplitude = float(getattr(effect, "amplitude"))  # noqa: B009 - every seiche has one
-        rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
+        # of all explanations: the filter of the extended one may fit the swing as weather
+        rmse = np.min([o.errors.rmse(self.opened) for o in self.pool], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
-        """Return whether the squared error on `days` exceeds that of its noise by the share `least`.
-
-        Sums of squares of seasons simulated from the noise are treated as a gamma variable. Each horizon is a
-        separate test; the tests share the significance level.
-        """
+        """Return whether the squared error on `days` exceeds that of its noise by the share `least`."""
         from scipy.stats import gamma
 
-        assert one.errors is not None
+        # Sums of squares of simulated seasons are treated as a gamma variable. Each horizon is a separate
+        # test; the tests share the significance level.
         seen = one.errors.squares[:, days].sum(axis=1)
         rng = np.random.default_rng(0)
         drawn = (self._drawn(one, one.noise, rng).squares[:, days].sum(axis=1) for _ in range(SEASONS))
@@ -558,8 +500,7 @@ class Study:
         without, with_ = (
             replace(one, errors=self._drawn(one, drawn, np.random.default_rng(0))) for drawn in (plain, noise)
         )
-        share, draws = shares(without, with_, self.opened, self.split.block)
-        return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
+        return bool(removed(without, with_, self.opened, self.split.block).any())
 
     def _drawn(self, one: Explanation, noise: NoiseModel, rng: np.random.Generator) -> DayErrors:
         """Compute forecast errors of an explanation for days simulated from a noise model."""
@@ -569,11 +510,7 @@ class Study:
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
         """Return the probability of explanations with material names and unknown that `holds` accepts."""
-        total = 0.0
-        for one, p in self.ranking:
-            if holds(*self._cores[id(one)]):
-                total += p
-        return min(total, 1.0)
+        return min(sum((p for one, p in self.ranking if holds(*self.core(one))), 0.0), 1.0)
 
     def chance_of(self, name: str, times: int = 1) -> float:
         """Return the probability that at least `times` effects of a name act and are material."""
@@ -582,28 +519,23 @@ class Study:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all material effects, the most probable first."""
-        found = {name for names, _ in self._cores.values() for name in names}
+        found = {name for one, _ in self.ranking for name in self.core(one)[0]}
         return tuple(sorted(found, key=lambda name: -self.chance_of(name)))
 
     @property
     def unfit(self) -> bool:
-        """Whether the front misfit of the most probable explanation is at its plausible limit.
-
-        Then no response describes the reach, as with a wrong geometry, and effects compensate for it.
-        """
+        """Whether no response describes the reach, as with a wrong geometry: effects compensate for it."""
+        # the front misfit of the most probable explanation is at its plausible limit
         lead = self.ranking[0][0]
         return not lead.unknown and lead.noise.misfit > 0.99 * MISFIT
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Names that are probable enough alone; empty if no response describes the reach.
-
-        A name is repeated for each further stretch of its effect that is more probable than not.
-        """
+        """Names that are probable enough alone, again for each further stretch more probable than not."""
         if self.unfit:
             return ()
         found = [name for name in self.names if self.chance_of(name) >= ALONE]
-        times = range(2, 1 + max(map(len, (names for names, _ in self._cores.values()))))
+        times = range(2, 1 + max(len(self.core(one)[0]) for one, _ in self.ranking))
         return (*found, *(name for name in found for k in times if self.chance_of(name, k) >= UNKNOWN))
 
     @cached_property
@@ -618,18 +550,15 @@ class Study:
 
     @cached_property
     def last(self) -> Explanation:
-        """The most probable explanation with the sure names or, without any, the first name of the group.
-
-        Its dates end on the likeliest sealed days; see :func:`aligned`.
-        """
+        """The most probable explanation with the sure names or, without any, the first name of the group."""
         wanted = Counter(self.sure or self.group[:1])
         if not wanted:
             return self.first
         for one, _ in self.ranking:
-            names, unknown = self._cores[id(one)]
+            names, unknown = self.core(one)
             if Counter(names) == wanted and not unknown:
                 return aligned(one, self.record, self.opened, self.split.block)
-        able = [one for one, _ in self.ranking if wanted <= Counter(self._cores[id(one)][0])]
+        able = [one for one, _ in self.ranking if wanted <= Counter(self.core(one)[0])]
         return aligned(able[0], self.record, self.opened, self.split.block)
 
     @cached_property
@@ -648,26 +577,23 @@ class Study:
 
     def score(self, one: Explanation) -> float:
         """Return the log density of the open days, each predicted by the fit without its block [nats]."""
-        return float(_density(one)[self.opened].sum())
+        return float(one.density[self.opened].sum())
 
     def p_value(self, one: Explanation) -> float:
         """Return the p-value of an explanation's gain over its parent, by Student's t over blocks."""
         from scipy.stats import t
 
         assert one.parent is not None
-        gain = block_sums(_density(one) - _density(one.parent), self.opened, self.split.block)
+        gain = block_sums(one.density - one.parent.density, self.opened, self.split.block)
         spread = float(gain.std(ddof=1)) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
         return float(t.sf(float(gain.mean()) / max(spread, 1e-300), max(len(gain) - 1, 1)))
 
     @cached_property
     def contradicted(self) -> bool:
-        """Whether the sealed days contradict what is named.
-
-        They do beyond the scatter of their blocks, or if the squared error grows by :data:`MATERIAL` at all
-        horizons an hour or more ahead: such a model is no improvement, however few blocks there are.
-        """
+        """Whether the sealed days contradict what is named, beyond the scatter of their blocks."""
         if self.last is self.first:
             return False
+        # A model with errors that grow at all horizons is no improvement, however few blocks there are.
         share, _ = shares(self.last, self.first, self.split.sealed, self.split.block)
         worse = bool((share[1:] < -MATERIAL).all())
         return worse or worse_on(self.last, self.first, self.split.sealed, self.split.block)
@@ -700,10 +626,10 @@ def _within_limits(effect: Effect) -> bool:
 
 def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
     """Return the best explanation of each kind, which is a set of names and an unknown cause."""
-    best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
+    best: dict[Core, tuple[float, Explanation]] = {}
     for one in pool:
         key = tuple(sorted(one.names)), one.unknown
-        score = TEMPER * float(_density(one)[opened].sum()) + one.log_prior
+        score = TEMPER * float(one.density[opened].sum()) + one.log_prior
         if key not in best or score > best[key][0]:
             best[key] = score, one
     return [one for _, one in best.values()]

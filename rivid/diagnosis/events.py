@@ -36,18 +36,11 @@ from rivid.types import DAY, HOUR, Bools, Floats, Ints
 Shape = Literal["pulse", "recession", "jump"]
 Whiten = Callable[[Floats, Floats], Floats]
 """Whitens columns (..., days, n); its second argument (days, n) is NaN at missing samples."""
-
 VISIBLE = 0.05
 """Atoms with a norm below this share of the largest one are left out: the row hardly contains them."""
-
-LASTS = 2.5
-"""Recession times for which rain is carried from day to day; 8 % of its peak flow is then left."""
-
-APART = 2.0
-"""Least distance between the starts of two events [samples]: each starts between two samples."""
-
-PATTERNS = 2
-"""Patterns of missing samples with cached atoms, in addition to the most frequent pattern."""
+LASTS = 2.5  # recession times for which rain is carried from day to day; 8 % of its peak flow is then left
+APART = 2.0  # least distance between the starts of two events [samples]: each starts between two samples
+PATTERNS = 2  # patterns of missing samples with cached atoms, in addition to the most frequent pattern
 
 
 def extended(kernel: Floats, length: int) -> Floats:
@@ -64,34 +57,20 @@ def at_lags(h: Floats, lags: Floats) -> Floats:
     return np.asarray(np.interp(lags, np.arange(-1.0, len(h)), np.append(0.0, h)))
 
 
-PRICE = 12.0
-"""Price of an event [nats]."""
-
-MOST = 40
-"""Maximum number of new events of a day: as each has a price, this only limits the memory."""
-
+PRICE = 12.0  # price of an event [nats]
+MOST = 40  # maximum number of new events of a day: as each has a price, this only limits the memory
 PULSES = (112.5, 225.0, 450.0, 900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
 """Durations of a pulse [s]; durations below :data:`SHORTEST` are replaced by it."""
-
-SHORTEST = 2.0
-"""Shortest pulse [samples]: of a shorter one only the volume is identifiable, not the duration."""
-
-RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
-"""Recession times of rain [s]."""
-
-RISES = (0.0, 1800.0, 3600.0, 7200.0, 14400.0)
-"""Rise times of rain [s]."""
-
+SHORTEST = 2.0  # shortest pulse [samples]: of a shorter one only the volume is identifiable, not the duration
+RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)  # recession times of rain [s]
+RISES = (0.0, 1800.0, 3600.0, 7200.0, 14400.0)  # rise times of rain [s]
 GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSIONS, "jump": (1.0,)}
 """Default grid of each shape; that of jumps, which have no duration, has one value without meaning."""
-
-EDGE = 20
-"""Least number of readings between a jump and its return: with fewer they are a spike."""
+EDGE = 20  # least number of readings between a jump and its return: with fewer they are a spike
 FEWEST_READINGS = 2
 """Readings of a row before and after a jump, to separate it from a single bad reading at the row's end. With
 four a jump of 0.32 m, 24 minutes after midnight in a season of 582 s, was not tested, and three effects
 compensated for it."""
-
 LARGEST_JUMP = 1.0
 """Limit of the flat prior of a jump, of a gauge reset or hit [m]; 2.7 times as much costs 1 nat."""
 
@@ -190,7 +169,7 @@ class Rows:
         self.usual = Counter(row.tobytes() for row in self.there).most_common(1)[0][0]
         self.patterns: dict[bytes, _Pattern] = {}
         self.products: dict[int, Floats] = {}
-        self.price = self._price()
+        self.price = self._price_of_a_jump() if kind.shape == "jump" else PRICE
 
     def search(self, forms: Sequence[Form], rows: Sequence[int], timed: int = 0) -> list[_Found]:
         """Find the events of each form in some rows, in order; `timed` as of :func:`pursue`."""
@@ -336,13 +315,8 @@ class Rows:
             units.append(pattern.units[of])
         return made, np.array(units)
 
-    def _price(self) -> float:
-        """Return the price of an event [nats]; for a jump by Laplace's approximation of the evidence.
-
-        With flat priors the log evidence is the gain minus log(starts 2 LARGEST_JUMP / (sqrt(2 pi) se)).
-        """
-        if self.kind.shape != "jump":
-            return PRICE
+    def _price_of_a_jump(self) -> float:
+        """Return what flat priors cost [nats], by Laplace's approximation of the evidence."""
         whole = self.pattern(self.there[int(np.argmax(self.there.sum(1)))])
         _, unit = self.atoms(whole, Form(self.kind.samples(self.T)))
         sure = unit[unit > 0.0]
@@ -370,44 +344,33 @@ def find_events(
     """
     rows = Rows(residual, whiten, kind, sample_time, lead, follows)
     refine = refine and kind.shape != "jump"
-    form = _refined(rows) if refine else _usual(rows)
-    (found,) = rows.search([form], range(len(rows.white)), timed=2 if refine else 0)
+    (found,) = rows.search([_form(rows, refine)], range(len(rows.white)), timed=2 if refine else 0)
     return rows.as_events(found)
 
 
-FEW_ROWS = 16
-"""Number of rows, those with the largest residuals, from which durations are chosen and refined."""
-
+FEW_ROWS = 16  # number of rows, those with the largest residuals, from which durations are chosen and refined
 PASSES, FINER = 2, 4
 """Passes of the refinement of a duration, and steps between neighbours of the previous pass: from a factor of
 2 to one of 1.04, within which the gain is flat."""
 
 
-def _some(rows: Rows) -> list[int]:
-    """Return the rows with the largest residuals, in order."""
-    return sorted(np.argsort(-(rows.white**2).sum(1), kind="stable")[:FEW_ROWS].tolist())
-
-
-def _usual(rows: Rows) -> Form:
-    """Return the form with the duration of largest gain in the grid."""
-    forms = [Form((x,)) for x in rows.kind.samples(rows.T)]
-    return max(rows.search(forms, _some(rows)), key=lambda f: f.gain).form if len(forms) > 1 else forms[0]
-
-
-def _refined(rows: Rows) -> Form:
-    """Return the form of largest gain, first on the grid and then between its values."""
-    kind, grid, some = rows.kind, rows.kind.samples(rows.T), _some(rows)
+def _form(rows: Rows, refine: bool) -> Form:
+    """Return the form of largest gain, first on the grid and then, to `refine` it, between its values."""
+    recession, grid = rows.kind.shape == "recession", rows.kind.samples(rows.T)
+    some = sorted(np.argsort(-(rows.white**2).sum(1), kind="stable")[:FEW_ROWS].tolist())
 
     def best(forms: list[Form], timed: int = 0) -> _Found:
         return max(rows.search(forms, some, timed), key=lambda f: f.gain)
 
+    if len(grid) == 1 and not refine:
+        return Form(grid)
     now = best([Form((x,)) for x in grid])
-    if not now.events:
+    if not refine or not now.events:
         return now.form
-    if kind.shape == "recession":
+    if recession:
         now = best([now.form._replace(rise=round(x / rows.T)) for x in RISES])
     now = _finer(now, 0, grid, best)
-    if kind.shape == "recession":
+    if recession:
         return now.form
     two = best([Form((*now.form.durations, x)) for x in grid if x not in now.form.durations], timed=1)
     if two.gain > now.gain + rows.price:
@@ -432,8 +395,7 @@ def _finer(now: _Found, which: int, grid: Sequence[float], best: Callable[..., _
     return now
 
 
-WITHIN = 1800.0
-"""Largest distance of two starts at the same hour of the day [s]."""
+WITHIN = 1800.0  # largest distance of two starts at the same hour of the day [s]
 ASTRAY = 2 * HOUR
 """Least scatter of natural events in their time of the day: thunderstorms come in the afternoon."""
 
@@ -480,23 +442,17 @@ def _agreeing(starts: Floats) -> Ints:
     return np.asarray((counts * near).sum(1), np.int64)
 
 
-FEWEST = 3
-"""Fewest events of a kind."""
-ALIKE = 0.75
-"""Largest coefficient of variation of the sizes of releases."""
-A_STORM = 3 * HOUR
-"""Events that follow each other within this time are one storm [s]."""
-SCHEDULED = 0.002
-"""p-value of a timetable at or below which events are operated, not natural."""
+FEWEST = 3  # fewest events of a kind
+ALIKE = 0.75  # largest coefficient of variation of the sizes of releases
+A_STORM = 3 * HOUR  # events that follow each other within this time are one storm [s]
+SCHEDULED = 0.002  # p-value of a timetable at or below which events are operated, not natural
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
 """Largest size over the median: for an event cut off by midnight only the start is observed."""
 
 
 def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
-    """Return the kind of an effect's events: jumps of the gauge, recessions or pulses.
-
-    Recessions and pulses of an unknown flow enter along the reach, other pulses at the lower dam.
-    """
+    """Return the kind of an effect's events: jumps of the gauge, recessions or pulses."""
+    # Recessions and pulses of an unknown flow enter along the reach, other pulses at the lower dam.
     if effect.found_as == "jump":
         return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":

@@ -6,8 +6,9 @@ fit without the day's block (:mod:`rivid.diagnosis.predictive`), minus the price
 """
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -26,33 +27,48 @@ from rivid.types import Bools, Floats, Ints
 
 Unknown = Literal["", "flow", "gauge", "dynamics"]
 HORIZONS = (NEAR, *HOURS)
+UNSET: Any = None  # value of what fitted and scored compute, before they do
+
+
+class Way(NamedTuple):
+    """An extension of an explanation by an effect."""
+
+    name: str
+    grow: Callable[..., "Explanation | None"]
+    columns: Floats | None = None  # of the effect's trial, (k, days, n)
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A fitted explanation; arrays have a row for each day of the record."""
+    """A fitted explanation, or the draft of one; arrays have a row for each day of the record."""
 
     model: Model
-    unknown: Unknown
-    log_prior: float  # of its names and windows [nats]
-    residual: Floats  # (days, n): measured minus simulated minus `coded`, NaN where nothing was measured
+    unknown: Unknown = ""
+    log_prior: float = 0.0  # of its names and windows [nats]
+    # (days, n): measured minus simulated minus `coded`, NaN where nothing was measured
+    residual: Floats = UNSET
     # Design matrix columns in single precision: change of the simulated output per unit of each free
     # parameter of the response (p, days, n), shared by explanations, and of the effects (q, days, n).
-    shared: Floats
-    own: Floats
-    sd: Floats  # (p + q,): prior standard deviations of these parameters
-    weights: Floats  # (days,): of the days in the fit; 0 on sealed days
+    shared: Floats = UNSET
+    own: Floats = UNSET
+    sd: Floats = UNSET  # (p + q,): prior standard deviations of these parameters
+    weights: Floats = UNSET  # (days,): of the days in the fit; 0 on sealed days
     # Effects outside the simulator (events, coded day by day, and level noises), and the events.
     others: tuple[Effect, ...] = ()
     events: tuple[Events, ...] = ()
     bonus: Floats | None = None  # (days,): gain of log density by a noise outside the filter [nats]
     inflation: float = 1.0  # variance of block scores of the added effect over that of the noise model
     parent: "Explanation | None" = None  # explanation that this one extends by an effect or unknown cause
-    density: Floats | None = None  # (days,): log density of each day by the fit without its block
-    errors: DayErrors | None = None  # of forecasts by the same fits, at HORIZONS
-    defect: Floats | None = None  # (days, n): output minus that of the cheaper response
-    change: Floats | None = None  # (days, k): change of the parameters without the block of each day
-    standard_errors: Floats | None = None  # (k,): of the parameters, scatter between blocks included
+    way: Way | None = None  # that made it from its parent, and can extend the parent's rivals
+    defect: Floats = UNSET  # (days, n): output minus that of the cheaper response
+    density: Floats = UNSET  # (days,): log density of each day by the fit without its block
+    errors: DayErrors = UNSET  # of forecasts by the same fits, at HORIZONS
+    change: Floats = UNSET  # (days, k): change of the parameters without the block of each day
+    standard_errors: Floats = UNSET  # (k,): of the parameters, scatter between blocks included
+
+    def extended(self, log_prior: float, **changes: Any) -> "Explanation":
+        """Return the draft of an explanation that extends this one, for :func:`fitted`."""
+        return replace(self, parent=self, log_prior=log_prior, inflation=1.0, way=None, **changes)
 
     @property
     def noise(self) -> NoiseModel:
@@ -68,7 +84,6 @@ class Explanation:
     @property
     def predicted(self) -> Floats:
         """Residual of each day under the fit without its block, shape (days, n)."""
-        assert self.change is not None
         left, p = self.residual, len(self.shared)
         for change, columns in ((self.change[:, :p], self.shared), (self.change[:, p:], self.own)):
             left = left - np.einsum("dk,kdn->dn", change, columns, optimize=True)
@@ -83,7 +98,6 @@ class Explanation:
 
     def errors_of(self, index: int) -> dict[tuple[str, int | None], float]:
         """Return standard errors of an effect's free values, by parameter and index in a tuple."""
-        assert self.standard_errors is not None
         own = self.standard_errors[len(self.model.reach.parameters) :].tolist()
         slots = self.model.slots()
         return {key: error for (i, key, _), error in zip(slots, own, strict=False) if i == index}
@@ -140,8 +154,7 @@ class Explanation:
         return price
 
 
-STEPS = 60
-"""Maximum number of steps of a fit; few fits need as many."""
+STEPS = 60  # maximum number of steps of a fit; few fits need as many
 FRESH = 12
 """Most recomputations of the columns of a fit that others extend. If it stops before its optimum, an effect
 that moves it on is credited with the rest of the gain. With one computation and 20 steps the fit without
@@ -157,13 +170,8 @@ def fitted(
     record: Record,
     open_days: Bools,
     *,
-    unknown: Unknown = "",
-    log_prior: float = 0.0,
+    draft: Explanation | None = None,  # gives what is not fitted: unknown cause, prior, events, parent
     start: Explanation | None = None,
-    parent: Explanation | None = None,  # explanation that the result extends
-    inflation: float = 1.0,  # of the added effect; see :func:`rivid.diagnosis.search.inflation_of`
-    others: tuple[Effect, ...] = (),  # effects outside the simulator, and their events
-    events: tuple[Events, ...] = (),
     steps: int = STEPS,  # maximum number of steps
     fresh: int = 0,  # maximum number of recomputations of the columns
     enough: float = ENOUGH,  # the fit ends when a step with new columns gains less [nats]
@@ -179,9 +187,10 @@ def fitted(
     p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
-    coded = sum((found.coded for found in events), np.zeros(record.time.shape))
+    draft = draft or Explanation(model)
+    coded = sum((found.coded for found in draft.events), np.zeros(record.time.shape))
     fixed = coded[open_days]
-    if start is None or start.defect is None:
+    if start is None:
         base = model.baseline(few)
         defect = model.defect(few, base)
     else:
@@ -261,10 +270,10 @@ def fitted(
     whole[open_days] = weights
     if shared is None:
         shared = _joined(open_days, J[:p], other_J[:p], np.float32)
-    return Explanation(
-        model, unknown, log_prior, _joined(open_days, z, left), shared,
-        _joined(open_days, J[p:], other_J[p:], np.float32), sd, whole, others, events, parent=parent,
-        inflation=inflation, defect=_joined(open_days, defect, more, np.float32),
+    return replace(
+        draft, model=model, residual=_joined(open_days, z, left), shared=shared,
+        own=_joined(open_days, J[p:], other_J[p:], np.float32), sd=sd, weights=whole, bonus=None,
+        defect=_joined(open_days, defect, more, np.float32),
     )  # fmt: skip
 
 
@@ -288,8 +297,7 @@ def _information(
     return squares, g, G
 
 
-LEAST_STEP = 0.05
-"""Smallest predicted gain of a step [nats]: a third of a standard error from the optimum."""
+LEAST_STEP = 0.05  # smallest predicted gain of a step [nats]: a third of a standard error from the optimum
 FRESH_TRIES = 12
 """Maximum number of dampings tried in a step with new columns; the last is ten million. With :data:`TRIES` a
 fit stopped at its start, 12,000 nats below its optimum, in a pool where reflected waves return in phase."""
@@ -312,10 +320,8 @@ def _moved(model: Model, move: Floats) -> Model:
 
 
 def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
-    """Return the smallest and largest step of each parameter, in prior standard deviations.
-
-    Steps respect the limits of all parameters but hours, and :data:`LONGEST` for those of the response.
-    """
+    """Return the smallest and largest step of each parameter, in prior standard deviations."""
+    # Steps respect the limits of all parameters but hours, and LONGEST for those of the response.
     free, at = model.reach.parameters, _values(model)
     low, high = np.full(len(sd), -np.inf), np.full(len(sd), np.inf)
     for i, one in enumerate(free):
@@ -333,10 +339,8 @@ LONGEST = 2.0
 
 
 def _secant(J: Floats, x: Floats, sd: Floats, change: Floats) -> Floats:
-    """Update columns J (k, days, n) to the output change of a step of x prior standard deviations.
-
-    It is the smallest such update: Broyden (1965).
-    """
+    """Update columns J (k, days, n) to the output change of a step of x prior standard deviations."""
+    # It is the smallest such update: Broyden (1965).
     missed = change - np.tensordot(x * sd, J, 1)
     return J + np.multiply.outer(x / (sd * max(float(x @ x), 1e-12)), missed)
 
@@ -406,51 +410,37 @@ def settled(model: Model, record: Record, number: int) -> Model:
     return replace(model, reach=model.reach.with_parameters(mean + sd * at))
 
 
-class Fit(NamedTuple):
-    """A fit to some days and the mean log density of its days, with their common scales [nats]."""
-
-    likely: float
-    one: Explanation
-
-
-def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
-    """Fit each model that can carry the flows to all days, with :func:`fitted`; return the fits, best first.
-
-    Raises RividError if no model can carry the flows.
-    """
+def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Explanation]:
+    """Fit each model that can carry the flows to all days, and one has to; return the likeliest fit first."""
     every = np.ones(record.days, bool)
-    near: list[NoiseModel | None] = [None]  # the noise of the first fit is the start for the others
 
-    def fit(model: Model) -> Fit | RividError:
-        model = replace(model, noise=model.noise or near[0])
+    def fit(model: Model, noise: NoiseModel | None = None) -> Explanation | RividError:
         try:
-            one = fitted(model, record, every, fresh=fresh, rough=True)
+            model = replace(model, noise=model.noise or noise)
+            return fitted(model, record, every, fresh=fresh, rough=True)
         except RividError as error:
             return error
-        return Fit(_density(one, record), one)
 
-    first = fit(models[0])
-    near[0] = None if isinstance(first, RividError) else first.one.noise
-    made = [first, *side_by_side(fit, models[1:])]
-    found = [one for one in made if isinstance(one, Fit)]
+    first = fit(models[0])  # its noise is the start for the others
+    noise = None if isinstance(first, RividError) else first.noise
+    made = [first, *side_by_side(partial(fit, noise=noise), models[1:])]
+    found = [one for one in made if isinstance(one, Explanation)]
     if not found:
         raise next(one for one in made if isinstance(one, RividError))
-    return sorted(found, key=lambda one: -one.likely)
+    return sorted(found, key=lambda one: -likelihood(one, record))
 
 
 def _sums(one: Explanation, record: Record) -> tuple[Floats, Floats, Floats]:
-    """Return the squares of each day's innovations, their number, and the log density of innovations of 0.
-
-    Shape (days,) each; see :func:`rivid.diagnosis.predictive.day_densities`.
-    """
+    """Return squares and number of each day's innovations, and the log density of zeros, (days,) each."""
     seen = np.where(record.used, one.residual, np.nan)
     r = one.noise.whiten(seen, activity=record.activity)
     squares = (r * r).sum(axis=1)
     return squares, (r != 0.0).sum(axis=1), one.noise.log_likelihood(seen, record.activity) + 0.5 * squares
 
 
-def _density(one: Explanation, record: Record) -> float:
-    """Return the mean log density of a fit's own days: a missing effect can make some of them far noisier."""
+def likelihood(one: Explanation, record: Record) -> float:
+    """Return the mean log density of a fit's own days, with their common scales [nats]."""
+    # A missing effect can make some of them far noisier.
     squares, counts, plain = _sums(one, record)
     return float(day_densities(squares, 0.0 * squares, plain, counts, tails_of(one, record)).mean())
 
@@ -479,8 +469,7 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
 
 
-TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)
-"""Degrees of freedom that are tried."""
+TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)  # degrees of freedom that are tried
 
 
 def tails_of(one: Explanation, record: Record) -> float:

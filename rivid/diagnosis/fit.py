@@ -1,15 +1,5 @@
 """Model in the simulator, limits of its noise, and the gap: the error of forecasts some hours ahead.
 
-Calibration takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects
-together; noise and day weights are refitted between steps. A step is accepted only if the cost falls.
-
-Near the fit, the residual of a model with further effects is
-
-    z' = z - J b - C c,
-
-J the columns of the response's parameters b (with priors), C those of a candidate. Noise and day weights are
-refitted too: the unknown inflow that a candidate competes with shrinks as it explains more.
-
 A forecast of h hours starts from the filtered state of the noise at its origin and then runs free.
 """
 
@@ -21,14 +11,13 @@ from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import NoiseModel, fit_noise
-from rivid.diagnosis.response.base import Response, sensitivities
+from rivid.diagnosis.response.base import Response
 from rivid.effects import Effect, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
 from rivid.types import DAY, HOUR, Floats
 
-HOURS = (1.0, 4.0, 24.0)
-"""Horizons of the gap [h]."""
+HOURS = (1.0, 4.0, 24.0)  # horizons of the gap [h]
 NEAR = 0.25
 """Additional horizon for materiality [h]: the error of a slow gate is over within a quarter of an hour."""
 EVERY, START = HOUR, HOUR / 2.0
@@ -38,23 +27,17 @@ EVERY, START = HOUR, HOUR / 2.0
 NoiseKind = Literal["plain", "wind", "flow", "gauge"]
 """Noise of usual weather and gauge; with wind as well; an unknown flow of any size; an unknown gauge
 error."""
-WEATHER = 0.025
-"""Largest plausible unlogged inflow over the usual flow [-]: weather makes 0.3 to 2 %."""
-MEMORY = (HOUR / 2.0, DAY)
-"""Limits of the memory of the weather [s]."""
-METER = 0.005
-"""Largest plausible standard deviation of a logged flow over the usual flow [-]."""
+WEATHER = 0.025  # largest plausible unlogged inflow over the usual flow [-]: weather makes 0.3 to 2 %
+MEMORY = (HOUR / 2.0, DAY)  # limits of the memory of the weather [s]
+METER = 0.005  # largest plausible standard deviation of a logged flow over the usual flow [-]
 RATING = 0.02
 """Largest plausible white noise of a river gauge over the usual flow: a few mm of level and the rating."""
-MISFIT = 0.3
-"""Largest plausible misfit: fronts that are early or late by this number of samples."""
-GAUGE = 0.015
-"""Largest plausible white noise of a gauge [m]."""
+MISFIT = 0.3  # largest plausible misfit: fronts that are early or late by this number of samples
+GAUGE = 0.015  # largest plausible white noise of a gauge [m]
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
 reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
-WIND = (0.3 * HOUR, DAY)
-"""Limits of the memory of a wind set-up [s]."""
+WIND = (0.3 * HOUR, DAY)  # limits of the memory of a wind set-up [s]
 
 
 class DayErrors(NamedTuple):
@@ -80,11 +63,9 @@ def residual_of(record: Record, baseline: Floats) -> Floats:
 def day_errors(
     record: Record, residual: Floats, noise: NoiseModel, hours: tuple[float, ...] = HOURS
 ) -> DayErrors:
-    """Compute forecast errors at each horizon [h] for targets at used samples.
-
-    `residual` (days, n) is from :func:`residual_of`. Origins may lie in the lead time, so that forecasts
-    cross midnight.
-    """
+    """Compute forecast errors at each horizon [h] for targets at used samples."""
+    # `residual` (days, n) is from residual_of. Origins may lie in the lead time, so that forecasts cross
+    # midnight.
     days, n = residual.shape
     squares, counts = np.zeros((len(hours), days)), np.zeros((len(hours), days))
     usual = max(round(EVERY / record.sample_time), 1)
@@ -104,10 +85,8 @@ def day_errors(
 
 OFF, SOME = 0.01, 4
 """Shift of the observed level [m], and number of days, from which the decay of a level error is estimated."""
-WIDE = 10.0
-"""Prior standard deviation of an effect's parameter over its size (:meth:`Model.scales`): nearly flat."""
-ENOUGH = 1.0
-"""A fit ends when a step reduces the cost by less [nats]."""
+WIDE = 10.0  # prior standard deviation of an effect's parameter over its size (scales): nearly flat
+ENOUGH = 1.0  # A fit ends when a step reduces the cost by less [nats]
 TRIES = 4
 """Dampings tried in a step: from 1e-4 to 0.64, which is 61 % of a Newton step in uncorrelated parameters."""
 
@@ -181,10 +160,8 @@ class Model:
         return np.zeros(base.shape) if rough is self else base - rough.baseline(record)
 
     def recall(self, record: Record) -> float:
-        """Return the share of a level error that remains after a sample with the effects; 1 for most effects.
-
-        It is estimated from baselines of some days with the observed level shifted by :data:`OFF`.
-        """
+        """Return the share of a level error that remains after a sample; 1 with most effects."""
+        # It is estimated from baselines of some days with the observed level shifted by OFF.
         changes = self.changes(record)
         follows = changes.leaks or changes.ponds or changes.area_slope or changes.gate.head.any()
         if record.kind == "river" or not follows:
@@ -243,19 +220,20 @@ class Model:
         return replace(self, effects=tuple(effects))
 
     def jacobian(self, record: Record, base: Floats, shared: Floats | None = None) -> Floats:
-        """Compute the columns of all free parameters, shape (p + q, days, n), by the cheaper response.
+        """Compute the columns (p + q, days, n) of all free parameters by the cheaper response.
 
-        `base` is its baseline; `shared` may give the columns of the response.
+        `base` is its baseline; `shared` may be the columns of the response.
         """
-        values, candidates = self.values(), []
-        steps = np.empty(len(values))
+        p, values, rough = len(self.reach.parameters), self.values(), self.rough
+        if shared is not None and not len(values):
+            return np.asarray(shared, float)
+        columns = np.empty((p + len(values), *base.shape))
+        columns[:p] = rough.reach.slopes(record, base, self.changes(record)) if shared is None else shared
         for j, scale in enumerate(self.scales()):
             for share in (0.05, -0.05):  # a step down from the upper limit
                 moved = self.with_values(values + share * scale * (np.arange(len(values)) == j))
-                steps[j] = moved.values()[j] - values[j]
-                if abs(steps[j]) >= 1e-3 * scale:
+                step = moved.values()[j] - values[j]
+                if abs(step) >= 1e-3 * scale:
                     break
-            candidates.append(moved.changes(record))
-        columns = sensitivities(self.reach.rough, record, candidates, self.changes(record), shared, base)
-        columns[len(columns) - len(steps) :] /= steps[:, None, None]
+            columns[p + j] = (moved.rough.baseline(record) - base) / step
         return columns

@@ -23,29 +23,16 @@ from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.segments import segment
 from rivid.types import Bools, Floats, Ints
 
-LEVEL = 0.05
-"""Significance level of the largest bin of all drivers."""
-
-BINS = 8
-"""Number of bins of a flow, a level or a rate, with equal numbers of samples."""
-
-PART_BLOCKS = 10
-"""Blocks in a part of the season: flips of k blocks give no p-value below 2^(1 - k)."""
-
+LEVEL = 0.05  # significance level of the largest bin of all drivers
+BINS = 8  # number of bins of a flow, a level or a rate, with equal numbers of samples
+PART_BLOCKS = 10  # blocks in a part of the season: flips of k blocks give no p-value below 2^(1 - k)
 STEP = 0.02
 """A step is a change from one sample to the next of more than this share of the flow's 5-95 % range."""
-
-SINCE = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 24.0)
-"""Hours since a step: edges of bins."""
-
-FIRST_SHIFT = 5.0
-"""Hour at which one of three shifts begins."""
+SINCE = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 24.0)  # hours since a step: edges of bins
+FIRST_SHIFT = 5.0  # hour at which one of three shifts begins
 WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
-FEWEST = 5
-"""Smallest number of blocks of a tested bin: flips of fewer give no small p-value."""
-
-KEPT = 0.6
-"""Share of blocks, those with the smallest contributions, that set the scale of a bin."""
+FEWEST = 5  # smallest number of blocks of a tested bin: flips of fewer give no small p-value
+KEPT = 0.6  # share of blocks, those with the smallest contributions, that set the scale of a bin
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +47,7 @@ class Driver:
 
 
 def drivers(record: Record, blocks: Ints) -> tuple[Driver, ...]:
-    """Return all drivers that vary in the logs.
-
-    `blocks` (days,) are the blocks of the days: parts of the season consist of whole blocks.
-    """
+    """Return all drivers that vary in the logs; parts of the season consist of whole `blocks` (days,)."""
     hour, used = record.hour, record.used
     weekday = np.asarray(record.day_number + record.dates[0].weekday(), float) % 7.0
     level = ("level", "m") if record.kind == "pool" else ("discharge", "m3/s")
@@ -160,11 +144,9 @@ class Scores(NamedTuple):
 def p_values(
     scores: Scores, by: Sequence[Driver], *, draws: int = 1999, seed: int = 0
 ) -> tuple[Floats, float]:
-    """Return p-values of the largest departure of each driver (drivers,), and that of their minimum.
-
-    Signs of blocks are flipped, in the same way for all drivers. Bins of one driver are comparable, drivers
-    are not; the smallest p-value of each flip is (Westfall and Young 1993).
-    """
+    """Return p-values of the largest departure of each driver (drivers,), and that of their minimum."""
+    # Signs of blocks are flipped, in the same way for all drivers. Bins of one driver are comparable, drivers
+    # are not; the smallest p-value of each flip is (Westfall and Young 1993).
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), (draws, int(scores.block.max()) + 1))
     ranks = []
     for driver in by:
@@ -195,11 +177,9 @@ def influence(S: Floats, Q: Floats) -> Floats:
 
 
 def _spread(psi: Floats) -> Floats:
-    """Return the scale of each bin's departure (k,), from the smaller contributions of blocks (blocks, k).
-
-    It does not change with the flips, so the test stays valid, and an effect that acts in some weeks only
-    does not inflate its own scale.
-    """
+    """Return the scale of each bin's departure (k,), from the smaller contributions of blocks (blocks, k)."""
+    # It does not change with the flips, so the test stays valid, and an effect that acts in some weeks only
+    # does not inflate its own scale.
     squares = np.sort(psi**2, axis=0)
     many = (squares > 0.0).sum(0)
     rank = np.arange(len(psi))[:, None] - (len(psi) - many)
@@ -225,10 +205,8 @@ class Place(NamedTuple):
 
 
 def strongest(scores: Scores, by: Sequence[Driver], dates: Sequence[date]) -> Place | None:
-    """Find the largest departure: adjacent bins of one driver, and dates; None if none is significant.
-
-    With k blocks no p-value is below 2^(1 - k); at least :data:`FEWEST_BLOCKS` are needed.
-    """
+    """Find the largest departure: adjacent bins of one driver, and dates; None if none is significant."""
+    # With k blocks no p-value is below 2^(1 - k); at least FEWEST_BLOCKS are needed.
     each, p_value = p_values(scores, by)
     if p_value > LEVEL:
         return None
@@ -285,10 +263,8 @@ def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
 
 
 def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, int, int]:
-    """Return gain [nats], sign, first and last bin of the adjacent bins that differ most from the others.
-
-    A run has at most half of the information: the rest of a cycle is the same run with opposite sign.
-    """
+    """Return gain [nats], sign, first and last bin of the adjacent bins that differ most from the others."""
+    # A run has at most half of the information: the rest of a cycle is the same run with opposite sign.
     S, Q = (sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.used))
     k, total_S, total_Q = len(S), S.sum(), Q.sum()
     best = (0.0, 1, 0, 0)

@@ -23,30 +23,19 @@ from rivid.errors import RividError
 from rivid.reach.transport import held_volume
 from rivid.types import HOUR, Bools, Floats
 
-HINGES = 20
-"""Number of flows tried as the one above which the set point depends on the flow."""
-SURE = 3.0
-"""Standard errors of its slope at which a set point that depends on the flow is accepted."""
-OFFSETS = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
-"""Offsets from the days' mean level that are tried [m]."""
-FEWEST_DAYS = 6
-"""Fewest days for a set point that depends on the flow."""
-PROMPT = 0.5
-"""Probability of a move at a sample above which a change of the inflow is taken as its cause."""
-
-OFTEN = 0.02
-"""Share of samples at the smallest command above which it is a limit."""
-BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
-"""Dead-bands that are tried [m]."""
-FINER = (0.005, 0.0025)
-"""Steps of the level and the dead-band in the refinement of the best pair [m]."""
-FEWEST_MOVES = 100
-"""Fewest moves from which a law is identified."""
+HINGES = 20  # number of flows tried as the one above which the set point depends on the flow
+SURE = 3.0  # standard errors of its slope at which a set point that depends on the flow is accepted
+OFFSETS = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)  # offsets from the days' mean level that are tried [m]
+FEWEST_DAYS = 6  # fewest days for a set point that depends on the flow
+PROMPT = 0.5  # probability of a move at a sample above which a change of the inflow is taken as its cause
+OFTEN = 0.02  # share of samples at the smallest command above which it is a limit
+BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)  # dead-bands that are tried [m]
+FINER = (0.005, 0.0025)  # steps of the level and the dead-band in the refinement of the best pair [m]
+FEWEST_MOVES = 100  # fewest moves from which a law is identified
 FARTHEST = 60
 """Longest lag of the outflow behind the inflow that is tried [samples]: twice the travel time of a wave in a
 reach of 30 samples."""
-ROUNDS = 3
-"""Number of alternating fits of noise and law."""
+ROUNDS = 3  # number of alternating fits of noise and law
 
 
 @dataclass(frozen=True)
@@ -63,10 +52,8 @@ class SetPoint:
 
 
 def set_points(record: Record) -> list[SetPoint]:
-    """Return possible set points: about the days' mean levels, constant or dependent on the inflow.
-
-    Within a dead-band the mean level is not the set point, so offsets from it are tried too.
-    """
+    """Return possible set points: about the days' mean levels, constant or dependent on the inflow."""
+    # Within a dead-band the mean level is not the set point, so offsets from it are tried too.
     known = record.used.any(axis=1)
     read = np.where(record.used, record.output, np.nan)[known]
     flow, level = day_flow(record)[known], np.nanmean(read, axis=1)
@@ -102,12 +89,10 @@ def last_move(record: Record) -> NDArray[np.intp]:
 
 
 def looks(record: Record, lag: int) -> tuple[float, float]:
-    """Estimate the time between checks [s], and the change of the inflow that causes one at once [m3/s].
-
-    After a change of the inflow the probability of a move at a sample has two values, below and above the
-    notice. The notice maximises the likelihood of the logged moves; it is infinite if moves above it are not
-    prompt either. Moves below it are checks that were due: their median distance is the time.
-    """
+    """Estimate the time between checks [s], and the change of the inflow that causes one at once [m3/s]."""
+    # After a change of the inflow the probability of a move at a sample has two values, below and above the
+    # notice. The notice maximises the likelihood of the logged moves; it is infinite if moves above it are
+    # not prompt either. Moves below it are checks that were due: their median distance is the time.
     sample, last = np.arange(record.time.shape[1]), last_move(record)
     before = lagged(last, 1)
     seen = lagged(record.inflow, lag)
@@ -236,10 +221,8 @@ def identify(record: Record) -> Law | None:
 
 
 def validate(law: Law, record: Record) -> Operators:
-    """Return the law with the share of the outflow's changes within an hour that it explains on other days.
-
-    A change is from the move in force an hour before to a move: times of checks are not predicted.
-    """
+    """Return the law with the share of the outflow's changes in an hour that it explains on other days."""
+    # A change is from the move in force an hour before to a move: times of checks are not predicted.
     n = max(round(HOUR / record.sample_time), 1)
     last = last_move(record)
     pairs = moves(record)[:, n:] & (last[:, :-n] > 0)

@@ -81,10 +81,8 @@ def held_out(
 
 
 def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
-    """Return the step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
-
-    If it were clipped afterwards, the step of all other parameters would be wrong.
-    """
+    """Return the step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,)."""
+    # If it were clipped afterwards, the step of all other parameters would be wrong.
     x = np.linalg.solve(G, g)
     if ((x >= low) & (x <= high)).all():
         return np.asarray(x)

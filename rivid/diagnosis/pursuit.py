@@ -249,10 +249,8 @@ def _best(
     x: Floats, durations: Floats, unit: Floats, apart: float, sign: int, rows: Rows, K: int, without: int,
     refused: Bools, low: Ints, high: int,
 ) -> tuple[float, int, int]:  # fmt: skip
-    """Return the best atom from `low` to before `high`: root of twice its gain, start and index of duration.
-
-    `x` (S,) is of the row minus its events; event `without` is added back.
-    """
+    """Return the best atom from `low` to before `high`: root of twice its gain, start, index of duration."""
+    # `x` (S,) is of the row minus its events; event `without` is added back.
     S = len(x)
     most, where, which = 0.0, -1, 0
     own = x.copy() if without >= 0 else x
@@ -331,14 +329,10 @@ def _moved(
     return best_at, best_D
 
 
-AROUND = 8.0
-"""An event moves by at most this plus its duration after others are found [samples]."""
-ROUNDS = 6
-"""Maximum number of passes over the starts of a row; two or three are usual."""
-STILL = 0.02
-"""Largest move at which the passes end [samples]: a fiftieth of a sample changes no likelihood."""
-NEAR = 2.0
-"""Farthest move of a start in a pass [samples]."""
+AROUND = 8.0  # an event moves by at most this plus its duration after others are found [samples]
+ROUNDS = 6  # maximum number of passes over the starts of a row; two or three are usual
+STILL = 0.02  # largest move at which the passes end [samples]: a fiftieth of a sample changes no likelihood
+NEAR = 2.0  # farthest move of a start in a pass [samples]
 
 
 @njit(cache=True, error_model="numpy")
@@ -402,10 +396,8 @@ def _dropped(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     price: float, gain: float,
 ) -> tuple[int, float]:  # fmt: skip
-    """Remove events if this costs less than a price after moving the others; return number left and gain.
-
-    The first pulse found of two that overlap lies between them, and a third one corrects it.
-    """
+    """Remove events if this costs less than a price after moving the others; return number left and gain."""
+    # The first pulse found of two that overlap lies between them, and a third one corrects it.
     k = old
     while k < K:
         at, D = rows.at[:K].copy(), rows.D[:K].copy()

@@ -11,8 +11,10 @@ price: each window of a kind is equally probable, and the whole season is as pro
 """
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -54,8 +56,8 @@ class Candidate:
 class Library:
     """The columns of all trials, linearised about a model."""
 
-    trials: tuple[Trial, ...]
-    columns: tuple[Floats, ...]  # (k, days, n) each, in single precision; (24, days, n) of an hourly trial
+    # trials, and columns (k, days, n) of each in single precision; (24, days, n) of an hourly trial
+    trials: tuple[tuple[Trial, Floats], ...]
     kernels: dict[str, Floats]  # step responses by place
 
     @classmethod
@@ -65,45 +67,40 @@ class Library:
         kernels = kernels_of(model.reach, record)
         reach = model.reach.rough
         base = reach.baseline(record, model.changes(record))
-        hourly: dict[str, Any] = {}
-        trials: list[Trial] = []
-        columns: list[Any] = []
+        trials: list[tuple[Trial, Any]] = []
         world = record.world(model.level, model.flow)
-        for effect in able:
-            for trial in effect.trials(world):
-                try:
-                    if key := trial.hourly:
-                        if key not in hourly:
-                            hourly[key] = np.asarray(hour_columns(record, kernels[key]), np.float32)
-                        found = hourly[key]
-                    else:
-                        changes = [changes_of((*model.effects, one), world) for one in trial.effects]
-                        pairs = zip(changes, trial.sizes, strict=True)
-                        found = np.asarray(
-                            [(reach.baseline(record, one) - base) / size for one, size in pairs],
-                            np.float32,
-                        )
-                except RividError:  # the reach cannot carry the flows
-                    continue
-                trials.append(trial)
-                columns.append(found)
-        return cls(tuple(trials), tuple(columns), kernels)
+
+        @cache
+        def hourly(place: str) -> Any:
+            return np.asarray(hour_columns(record, kernels[place]), np.float32)
+
+        for trial in (trial for effect in able for trial in effect.trials(world)):
+            if trial.hourly:
+                trials.append((trial, hourly(trial.hourly)))
+                continue
+            columns = np.empty((len(trial.effects), *base.shape), np.float32)
+            try:
+                for k, (one, size) in enumerate(zip(trial.effects, trial.sizes, strict=True)):
+                    run = reach.baseline(record, changes_of((*model.effects, one), world))
+                    columns[k] = (run - base) / size
+            except RividError:  # the reach cannot carry the flows
+                continue
+            trials.append((trial, columns))
+        return cls(tuple(trials), kernels)
 
     def scatter(self, one: Explanation, record: Record, blocks: Ints) -> float:
         """Return the median inflation of an explanation's residual, over the first trial of each name."""
         first: dict[str, Floats] = {}
-        for trial, columns in zip(self.trials, self.columns, strict=True):
+        for trial, columns in self.trials:
             if not trial.hourly:
                 first.setdefault(trial.name, columns)
         return float(np.median([scatter_of(one, columns, record, blocks) for columns in first.values()]))
 
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
-    """Return the output for 1 m3/s in each hour of the day, (24, days, n), by convolution.
-
-    `kernel` (n,) is the step response: the output at each sample after 1 m3/s sets in. The reach is taken as
-    linear here; candidates are refitted in the simulator afterwards.
-    """
+    """Return the output for 1 m3/s in each hour of the day, (24, days, n), by convolution."""
+    # `kernel` (n,) is the step response: the output at each sample after 1 m3/s sets in. The reach is taken
+    # as linear here; candidates are refitted in the simulator afterwards.
     days, n = record.time.shape
     pulse = np.diff(kernel, prepend=0.0)
     columns = np.empty((HOURS_A_DAY, days, n))
@@ -117,14 +114,10 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
 
 
 def screened(
-    base: Explanation, library: Library, record: Record, best: int = 2, beside: Effect | None = None
+    base: Explanation, library: Library, record: Record, beside: Effect | None = None
 ) -> list[Candidate]:
-    """Return the best candidates of each name about an explanation, best first.
-
-    With `beside`, only effects confounded with this one are tried, with its dates.
-    """
-    noise = base.model.noise
-    assert noise is not None
+    """Return the two best candidates of each name, best first; only of effects confounded with `beside`."""
+    noise = base.noise
     open_days = np.flatnonzero(base.weights > 0.0)
     few = record.take(open_days)
     seen = np.where(few.used, base.residual[open_days], np.nan)
@@ -139,7 +132,7 @@ def screened(
     X = white(base.columns[:, open_days])
     X *= base.sd[:, None, None]
     flat = X.reshape(len(X), -1)
-    G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
+    G = np.asarray(np.linalg.inv(flat @ flat.T + np.eye(len(X))), float)
     before = np.zeros(few.time.shape)
     before[:, : few.lead] = 1.0  # 1 m until the midnight before each day
     found: list[Candidate] = []
@@ -150,30 +143,23 @@ def screened(
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         return s, q, np.einsum("pdn,kdn->pkd", X, w, optimize=True)
 
-    for trial, columns in zip(library.trials, library.columns, strict=True):
-        if beside is not None and not _mistaken(trial, beside):
+    for trial, columns in library.trials:
+        if beside is not None and not any(
+            one.name in beside.confounded_with or beside.name in one.confounded_with for one in trial.effects
+        ):
             continue
         w = white(columns[:, open_days])
         if not w.any():
             continue
-        inverse = np.asarray(G, float)
         reset = products(white(before[None])) if any(one.set_right for one in trial.effects) else None
-        found += _windows(
-            trial, columns, *products(w), inverse, base.sd, record, open_days, beside, reset
-        )  # fmt: skip
-    by_name: dict[str, list[Candidate]] = {}
+        given = trial, columns, *products(w), G, base.sd, record, open_days
+        found += _hourly(*given) if trial.hourly else _windows(*given, beside, reset)
+    kept, count = list[Candidate](), Counter[str]()
     for one in sorted(found, key=lambda one: -one.worth):
-        kept = by_name.setdefault(one.effect.name, [])
-        if len(kept) < best:
+        count[one.effect.name] += 1
+        if count[one.effect.name] <= 2:
             kept.append(one)
-    return sorted((one for kept in by_name.values() for one in kept), key=lambda one: -one.worth)
-
-
-def _mistaken(trial: Trial, other: Effect) -> bool:
-    """Return whether the effect of a trial is confounded with another effect."""
-    return any(
-        one.name in other.confounded_with or other.name in one.confounded_with for one in trial.effects
-    )
+    return kept
 
 
 def _windows(
@@ -182,8 +168,6 @@ def _windows(
 ) -> list[Candidate]:  # fmt: skip
     """Return a trial in the season and in its best window of dates (and hours), or at those of `beside`."""
     days = s.shape[1]
-    if trial.hourly:
-        return _hourly(trial, columns, s, q, c, G, sd, record, open_days)
     first, end, prior = _spans(trial.dates, days)
     S, Q, C = (_summed(part, first, end) for part in (s, q, c))
     if reset is not None:  # the drift in the window is reset at the midnight after it
@@ -217,9 +201,10 @@ def _windows(
         i = able[int(np.argmax(gain[able] + prior[able]))]
         if gain[i] <= 0.0 or i == 0 and trial.effects[0].needs_dates:
             continue
-        window = {} if i == 0 else {"dates": _dates(record, open_days, int(first[i]), int(end[i]))}
-        shift = -G @ (C[i] @ b[i]) * sd
-        found.append(_candidate(trial, columns, b[i], window, float(gain[i]), float(prior[i]), shift))
+        effect, shift = trial.make(b[i]), -G @ (C[i] @ b[i]) * sd
+        if i > 0:
+            effect = replace(effect, dates=_dates(record, open_days, int(first[i]), int(end[i])))
+        found.append(candidate_of(effect, trial, columns, float(gain[i]), float(prior[i]), shift))
     return found
 
 
@@ -227,13 +212,6 @@ def _summed(a: Floats, first: Ints, end: Ints) -> Floats:
     """Sum over windows of the last axis, shape (windows, ...)."""
     sums = np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(a, axis=-1)], axis=-1)
     return np.moveaxis(sums[..., end] - sums[..., first], -1, 0)
-
-
-def _candidate(
-    trial: Trial, columns: Floats, b: Floats, window: dict[str, Any], gain: float, log_prior: float,
-    shift: Floats,
-) -> Candidate:  # fmt: skip
-    return candidate_of(replace(trial.make(b), **window), trial, columns, gain, log_prior, shift)
 
 
 def candidate_of(
@@ -254,9 +232,8 @@ def candidate_of(
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
     """Return the variance of block scores over that under the noise model, 1 or more.
 
-    Scores and information (k, days) are w'r and w'w of whitened columns w and the residual r of an
-    explanation. White noise gives 1; a response with the same error for days gives more. The largest quarter
-    of the blocks is left out, so that a few bad days do not count.
+    Scores and information (k, days) are w'r and w'w of whitened columns w and residual r. A response with the
+    same error for days gives more than 1. The largest quarter is left out: a few bad days do not count.
     """
     label = np.unique(blocks, return_inverse=True)[1]
     many = int(label.max()) + 1
@@ -281,14 +258,12 @@ def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) 
     return inflation_of(score, information, blocks[opened])
 
 
-SHOWN = 0.01
-"""Share of the largest block's information below which a block is ignored."""
+SHOWN = 0.01  # share of the largest block's information below which a block is ignored
 
 
 LEAST_LEFT = 0.02
 """Least share of a column's information, beyond the response's parameters, at which it is estimated."""
-FEWEST = 4
-"""Open days of the shortest window of dates: one block and a neighbour."""
+FEWEST = 4  # open days of the shortest window of dates: one block and a neighbour
 
 
 def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
@@ -320,10 +295,8 @@ Window = tuple[tuple[dt.date, dt.date] | None, tuple[float, float] | None]
 
 
 def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window]:
-    """Return windows with one end of the dates moved by an open day, or of the hours by an hour.
-
-    An end of the season is kept, and an end inside it stays inside.
-    """
+    """Return windows with one end of the dates moved by an open day, or of the hours by an hour."""
+    # An end of the season is kept, and an end inside it stays inside.
     (dates, hours), found = window, list[Window]()
     moves = ((-1, 0), (1, 0), (0, -1), (0, 1))
     if hours is not None:
@@ -348,8 +321,7 @@ def _hourly(
 ) -> list[Candidate]:  # fmt: skip
     """Return a release in a run of hours: in the whole season, and in its best window of dates.
 
-    Hours are first chosen jointly with windows between some dates. Then dates for these hours and hours for
-    these dates are chosen in turn until neither changes.
+    Hours are first chosen with windows between some dates, then dates and hours in turn until none changes.
     """
     days = s.shape[1]
     first, end, prior = _spans(trial.dates, days)
@@ -387,12 +359,11 @@ def _hourly(
         bent, gain = G @ c[:, hours, span].sum(axis=(1, 2)), float(total - prior[row])
         size = 2.0 * gain / float(s[hours, span].sum())
         until = (start + length) % HOURS_A_DAY or HOURS_A_DAY
-        window: dict[str, Any] = {"hours": (float(start), float(until))}
-        if row > 0:
-            window["dates"] = _dates(record, open_days, int(first[row]), int(end[row]))
+        dates = _dates(record, open_days, int(first[row]), int(end[row])) if row > 0 else None
+        effect = replace(trial.make(np.array([size])), hours=(float(start), float(until)), dates=dates)
         price = float(prior[row] - np.log(HOURS_A_DAY * (HOURS_A_DAY - 1)))
         whole = columns[hours].sum(axis=0)[None]
-        found.append(_candidate(trial, whole, np.array([size]), window, gain, price, -bent * size * sd))
+        found.append(candidate_of(effect, trial, whole, gain, price, -bent * size * sd))
     return found
 
 
@@ -435,15 +406,11 @@ holds within 1.5 times."""
 APART = 3
 """The multiple is chosen on every third of the open days, in order of the candidate's output on them: on all
 days that took a seventh of the time of a diagnosis."""
-CODINGS = 2
-"""Searches for events: the second one is refined and uses the noise of the first one's residual."""
+CODINGS = 2  # searches for events: the second one is refined and uses the noise of the first one's residual
 
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
-    """Return an explanation with one more effect in the simulator, all parameters fitted together.
-
-    Raises RividError if the reach cannot carry the flows with the effect.
-    """
+    """Return an explanation with one more effect in the simulator, all parameters fitted together."""
     model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
     opened = np.flatnonzero(parent.weights > 0.0)
@@ -470,14 +437,12 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
         models = [replace(larger, effects=(*larger.effects[:-1], other)) for other in others]
         larger = min(models, key=lambda one: squares_left(one, parent, record))
     return fitted(
-        larger, record, parent.weights > 0.0, start=parent, parent=parent, unknown=parent.unknown,
-        log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
-        fresh=2 if share > 1.0 else 0,
+        larger, record, parent.weights > 0.0, draft=parent.extended(log_prior + candidate.log_prior),
+        start=parent, fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
 
 
-MOST_STEPS = 40
-"""Maximum number of values tried of a stepwise parameter."""
+MOST_STEPS = 40  # maximum number of values tried of a stepwise parameter
 
 
 def command_steps(record: Record) -> tuple[float, float]:
@@ -488,11 +453,9 @@ def command_steps(record: Record) -> tuple[float, float]:
 
 
 def stepped(effect: Effect, key: str, record: Record) -> list[Effect]:
-    """Return an effect with other values of a stepwise parameter.
-
-    Commands are quantised, and a band between two of them acts as the larger one. Values lie half-way between
-    commands, up to the largest change of the outflow; of many, some at equal ratios are kept.
-    """
+    """Return an effect with other values of a stepwise parameter."""
+    # Commands are quantised, and a band between two of them acts as the larger one. Values lie half-way
+    # between commands, up to the largest change of the outflow; of many, some at equal ratios are kept.
     step, most = command_steps(record)
     values = (np.arange(int(most / step) + 2) + 0.5) * step
     if len(values) > MOST_STEPS:
@@ -504,7 +467,7 @@ def squares_left(model: Model, parent: Explanation, record: Record, days: Bools 
     """Return the sum of squares of a model's residual on open days, with noise and weights of `parent`."""
     opened = parent.weights > 0.0 if days is None else days
     few = record.take(opened)
-    base = model.baseline(few) if parent.defect is None else model.rough.baseline(few) + parent.defect[opened]
+    base = model.rough.baseline(few) + parent.defect[opened]
     left = residual_of(few, base) - parent.coded[opened]
     white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
     return float(parent.weights[opened] @ (white * white).sum(axis=1))
@@ -535,19 +498,15 @@ def with_events(
             return None
     assert found is not None
     unknown: Unknown = "gauge" if effect.family == "level" else "flow"
-    return fitted(
-        parent.model, record, opened, start=parent, parent=parent,
-        unknown=parent.unknown if effect.name else unknown,
-        log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),
-        events=(*parent.events, found),
+    draft = parent.extended(
+        log_prior, unknown=parent.unknown if effect.name else unknown,
+        others=(*parent.others, as_effect(effect, found, record)), events=(*parent.events, found),
     )  # fmt: skip
+    return fitted(parent.model, record, opened, draft=draft, start=parent)
 
 
 def swung(one: Explanation, record: Record) -> Explanation | None:
-    """Update the seiche of an explanation from its residual, after another effect was fitted.
-
-    Returns None if the residual has none: the last effect has explained it.
-    """
+    """Update the seiche of an explanation from its residual; None if the last effect has explained it."""
     swings = [i for i, effect in enumerate(one.others) if effect.found_as == "swing"]
     if not swings or one.bonus is not None:
         return one
@@ -567,12 +526,10 @@ def with_noise(
     parent: Explanation, effect: type[Effect], record: Record, log_prior: float,
     latent: Sequence[Explanation] = (),
 ) -> Explanation | None:  # fmt: skip
-    """Return an explanation with a noise of the level: wind in the filter, or a seiche outside it.
-
-    Wind starts from the parent with an unknown gauge (`latent`). A short weather memory and a large gauge
-    noise can hide a seiche: it is sought in the residual of `latent` too, and then takes its noise.
-    """
-    model, opened = parent.model, parent.weights > 0.0
+    """Return an explanation with a noise of the level: wind in the filter, or a seiche outside it."""
+    # Wind starts from the parent with an unknown gauge (`latent`). A short weather memory and a large gauge
+    # noise can hide a seiche: it is sought in the residual of `latent` too, and then takes its noise.
+    opened = parent.weights > 0.0
     latent = [one for one in latent if one.names == parent.names]  # not of a rival
     if effect.found_as == "swing":
         swings = [(one, seiche(record, one, effect)) for one in (parent, *latent)]
@@ -591,15 +548,12 @@ def with_noise(
             one, unknown=parent.unknown if made.name else "gauge", parent=parent, bonus=bonus,
             others=(*parent.others, made), log_prior=log_prior - float(np.log(tried)),
         )  # fmt: skip
-    if model.noise_kind != "plain":
+    if parent.model.noise_kind != "plain":
         return None
     start = latent[0] if latent else parent
-    windy = fitted(
-        replace(start.model, noise_kind="wind"), record, opened, start=start, parent=parent,
-        unknown=parent.unknown, log_prior=log_prior, others=parent.others, events=parent.events,
-    )  # fmt: skip
-    noise = windy.model.noise
-    assert noise is not None
+    model, draft = replace(start.model, noise_kind="wind"), parent.extended(log_prior)
+    windy = fitted(model, record, opened, draft=draft, start=start)
+    noise = windy.noise
     if not WIND[0] * AT_LIMIT < noise.level_memory < WIND[1] / AT_LIMIT:
         return None
     made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})

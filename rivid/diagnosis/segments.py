@@ -24,12 +24,8 @@ from rivid.diagnosis.noise.model import block_inflation
 from rivid.types import Bools, Floats, Ints
 
 Rest = Literal["zero", "free"]
-MOST_SEGMENTS = 4
-"""Maximum number of segments in the search for changes on simulated days without one."""
-
-SHORTEST = 2
-"""Days of the shortest segment with an effect."""
-
+MOST_SEGMENTS = 4  # maximum number of segments in the search for changes on simulated days without one
+SHORTEST = 2  # days of the shortest segment with an effect
 EDGE = 3.68
 """Price of a window's end inside the season [nats]: the drop of the log-likelihood that contains a change
 date with 95 % (Hansen 2000, Econometrica 68)."""
@@ -145,12 +141,10 @@ def segment(
 
 
 def _limits(g: Floats, q: Floats, rest: Rest, sign: int, edge: float, inflation: Floats) -> Floats:
-    """Return the lowest penalty at which each draw (draws, days) is not divided [nats over its inflation].
-
-    Several windows gain at most their number times the gain of the best one, which therefore decides. Gains
-    of changes do not add in that way: a temporary shift needs two, and neither may be worth its penalty
-    alone; so the best gain for each number of changes is divided by that number.
-    """
+    """Return the lowest penalty at which each draw (draws, days) is not divided [nats over its inflation]."""
+    # Several windows gain at most their number times the gain of the best one, which therefore decides. Gains
+    # of changes do not add in that way: a temporary shift needs two, and neither may be worth its penalty
+    # alone; so the best gain for each number of changes is divided by that number.
     draws, n = g.shape
     scaled = g / np.sqrt(inflation)[:, None]
     if rest == "zero":

@@ -20,24 +20,18 @@ from rivid.effects import Effect
 from rivid.effects.level import covariance
 from rivid.types import Bools, Floats
 
-SHORTEST, LONGEST = 4, 0.25
-"""Smallest period [samples] and largest one [days]."""
+SHORTEST, LONGEST = 4, 0.25  # smallest period [samples] and largest one [days]
 LEAST_DAMPING = 5e-5
 """Smallest accepted damping [1/s]. Less is not resolved within a day: a steady oscillation, of a machine."""
-SLOWEST = 1e-6
-"""Smallest damping tried in the fit [1/s]."""
-BAND = 2.5
-"""Frequencies within this factor of the peak are fitted."""
-NEARBY = 1.3
-"""The power of a swing is summed over frequencies within this factor of its own."""
-WIDEST = 0.7
-"""Largest product of damping and period: a wider peak is no oscillation."""
+SLOWEST = 1e-6  # smallest damping tried in the fit [1/s]
+BAND = 2.5  # frequencies within this factor of the peak are fitted
+NEARBY = 1.3  # the power of a swing is summed over frequencies within this factor of its own
+WIDEST = 0.7  # largest product of damping and period: a wider peak is no oscillation
 LEAST_CONTRAST = 4.0
 """Smallest ratio of the power at the peak to that without a seiche: the error of a poor response has less."""
 LEAST_PEAK = 2.0
 """Smallest height of the highest peak of the mean periodogram over its surroundings for a fit to start."""
-PRESENT = 0.8
-"""Least share of the days on which a seiche must gain."""
+PRESENT = 0.8  # least share of the days on which a seiche must gain
 STEADY = 4.0 / 3.0
 """Largest factor between the power of the swing in the third of the samples with the quietest flows and that
 in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that the response lacked."""
@@ -63,12 +57,10 @@ def through_filter(noise: NoiseModel, n: int) -> Floats:
 
 
 def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
-    """Return the expected periodogram of a seiche at these frequencies [m2]; white noise of 1 m has 1 m2.
-
-    It follows from the covariance, each lag weighted by its number in a row (Sykulski, Olhede, Guillaumin,
-    Lilly and Early 2019). With the spectrum of an infinite row, the width that a finite row gives to a line
-    between two frequencies would be taken for that of a strong steady oscillation.
-    """
+    """Return the expected periodogram of a seiche at these frequencies [m2]; white noise of 1 m has 1 m2."""
+    # It follows from the covariance, each lag weighted by its number in a row (Sykulski, Olhede, Guillaumin,
+    # Lilly and Early 2019). With the spectrum of an infinite row, the width that a finite row gives to a line
+    # between two frequencies would be taken for that of a strong steady oscillation.
     (a1, a2), _ = law = effect.autoregression(sample_time)  # type: ignore[attr-defined]
     variance, next_one = covariance(law)
     r, k = np.sqrt(-a2), np.arange(n)
@@ -158,11 +150,9 @@ def _in_quiet(record: Record, seen: Floats, noise: NoiseModel, period: float) ->
 
 
 def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Effect, Floats, int] | None:
-    """Find a seiche in the residual of an explanation: effect, gain of each day [nats], periods searched.
-
-    Returns None if it is too wide or too steady. An oscillation of the outflow looks the same if the gauge is
-    at the dam, but that of a governor is either regular, or ends while the gates are held.
-    """
+    """Find a seiche, not too wide or too steady: effect, gain of each day [nats], periods searched."""
+    # An oscillation of the outflow looks the same if the gauge is at the dam, but that of a governor is
+    # either regular, or ends while the gates are held.
     noise = base.noise
     day = slice(record.lead, None)
     seen = np.where(record.used, base.residual, np.nan)

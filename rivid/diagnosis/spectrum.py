@@ -15,12 +15,8 @@ from rivid.types import DAY, Bools, Floats
 
 KNOTS = 24
 """Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
-
-NEAREST = 12
-"""Smallest number of frequencies on either side in a local median, if there are as many."""
-
-FEWEST = 30
-"""Samples below which a day has no spectrum."""
+NEAREST = 12  # smallest number of frequencies on either side in a local median, if there are as many
+FEWEST = 30  # samples below which a day has no spectrum
 
 
 def spectrum(
@@ -57,16 +53,11 @@ def spectrum(
 
 BIN = 1800.0
 """Length of the averages of a series in which a rhythm is sought [s], or one sample if this is longer."""
-BINS = 4.0
-"""Averages in the shortest period of a rhythm."""
-SHORTEST = BINS * BIN
-"""Shortest period of a rhythm [s]."""
-CYCLES = 3.0
-"""Fewest cycles of a period in a record."""
-CHANCE = 0.01
-"""Probability that a series without a rhythm shows one."""
-RHYTHM_DRAWS = 200
-"""Draws of white noise: they give a probability of 1 % to within 0.7 %."""
+BINS = 4.0  # averages in the shortest period of a rhythm
+SHORTEST = BINS * BIN  # shortest period of a rhythm [s]
+CYCLES = 3.0  # fewest cycles of a period in a record
+CHANCE = 0.01  # probability that a series without a rhythm shows one
+RHYTHM_DRAWS = 200  # draws of white noise: they give a probability of 1 % to within 0.7 %
 HARMONICS = range(2, 13)
 """A line is taken as that of a period this number of times as long if there is a line too: pulses of two
 hours a day have twelve."""
@@ -126,10 +117,8 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
 
 
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
-    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window.
-
-    Days have their mean subtracted and the mean square 1, so that no single day dominates.
-    """
+    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
+    # Days have their mean subtracted and the mean square 1, so that no single day dominates.
     n, many = r.shape[1], there.sum(1, keepdims=True)
     z = (r - (r * there).sum(1, keepdims=True) / many) * there
     z /= np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30))

@@ -8,7 +8,7 @@ import datetime as dt
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,13 +16,15 @@ from threadpoolctl import threadpool_limits
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import ALONE, HAIR, Cores, Study, alike, harmless, leading, ranked
+from rivid.diagnosis.decision import ALONE, HAIR, Study, alike, harmless, leading, ranked
 from rivid.diagnosis.explanation import (
     FRESH,
     STEPS,
     Explanation,
+    Way,
     fits,
     fitted,
+    likelihood,
     scored,
     settled,
     tails_of,
@@ -50,35 +52,29 @@ from rivid.effects.flow import LeavingFlow, PassingFlow, RecurringFlow
 from rivid.effects.level import UnknownSwing, UnsteadyGauge
 from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
-from rivid.types import DAY, HOUR, Floats, Ints
+from rivid.types import DAY, HOUR, Ints
 
 MOST_EFFECTS = 3
-FEWEST_DAYS = 15
-"""One cycle of blocks."""
+FEWEST_DAYS = 15  # one cycle of blocks
 TRIED = 6
 """Number of names tried in the simulator per explanation: each costs about ten simulations. How often the
 right name is not among them has not been measured."""
 LEAST = 8.0
 """Smallest worth of a candidate that is tried in the simulator [nats]: after the prior and the temper of the
 scores, a probable name has several times as much."""
-WINDOWS = 3
-"""Number of candidates with a window of dates that is tried for an unknown daily flow."""
-SECOND = 0.8
-"""Smallest ratio of the gains of a name's second and first window for which both are tried."""
+WINDOWS = 3  # number of candidates with a window of dates that is tried for an unknown daily flow
+SECOND = 0.8  # smallest ratio of the gains of a name's second and first window for which both are tried
 HOPELESS = 100.0
 """Unknown dynamics this far below the best response in log-likelihood are not fitted to all days [nats per
 day]: in five development seasons, effects gained up to 60."""
 CARRIED = 0.8
 """Smallest share of the days with flows that a response must carry; below it the geometry is wrong."""
-FEW_CELLS = 16
-"""Cells of a channel while its response settles from draws, which differ by more than the error of a cell."""
-COARSE = 3
-"""A response is first fitted to every third open day."""
+FEW_CELLS = 16  # of a channel while its response settles from draws, which differ by more than grid errors
+COARSE = 3  # a response is first fitted to every third open day
 SETTLING, CHAINS = 6, 2
 """Number of days on which a response settles, and of repetitions with other draws. In a pool that waves cross
 in 1.5 samples, one chain in four ended 700 nats or more behind the others on four days, none on eight."""
-CARRIED_ON = 2
-"""Number of settled responses that are fitted to every third open day."""
+CARRIED_ON = 2  # number of settled responses that are fitted to every third open day
 CALIBRATION, ROUND = 0.15, 0.6
 """Shares of the work, for the progress: of the calibration, and of each round in what remains. Six diagnoses
 had 3 to 31 % and 50 to 96 %. The number of rounds is not known in advance."""
@@ -87,16 +83,7 @@ DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and largest number of values."""
 STRANGERS: tuple[type[Effect], ...] = (LeavingFlow, UnsteadyGauge, UnknownSwing)
 """Events and waves of unknown cause, searched for if the library has no effect of that form."""
-Grow = Callable[..., Explanation | None]
 Latent = Literal["flow", "gauge"]
-
-
-class Way(NamedTuple):
-    """An extension of an explanation by an effect."""
-
-    name: str
-    grow: Grow
-    columns: Floats | None = None  # of the effect's trial, (k, days, n)
 
 
 def _near(candidate: Candidate, record: Record) -> Way:
@@ -105,47 +92,17 @@ def _near(candidate: Candidate, record: Record) -> Way:
     return Way(candidate.effect.name, grow, candidate.columns)
 
 
-Responses = Response | Sequence[Response]
-
-
 def diagnose(
     record: Record,
-    response: Responses,
+    response: Response | Sequence[Response],
     classes: dict[str, type[Effect]],
     *,
-    gauge_floor: float = 0.0,
-    start: Sequence[Effect] = (),
-    dated: Sequence[Effect] = (),
-    floor: Sequence[float] | None = None,
-    most: int = MOST_EFFECTS,
-    report: Report = lambda done, what: None,
+    floor: Sequence[float] | None = None,  # RMSE at 1, 4 and 24 h of the true model, where it is known
+    **given: Any,
 ) -> tuple[Diagnosis, Evidence | None]:
-    """Find the effects that a simulation of the reach lacks.
+    """Find the effects that a simulation of the reach lacks; the arguments are those of :func:`find_effects`.
 
-    Parameters
-    ----------
-    record : Record
-    response : Response, or a sequence of them
-        Nominal; of several, all compete. The first one is the configured reach.
-    classes : dict
-        Effects that may be named, by name; see :func:`rivid.effects.effect_classes`.
-    gauge_floor : float
-        Lower limit of the gauge noise: the reading's step / sqrt(12) [m or m3/s].
-    start : sequence of Effect
-        Effects that are in the model from the start.
-    dated : sequence of Effect
-        Effects that are tried with these dates and sizes, too.
-    floor : sequence of float, optional
-        RMSE at 1, 4 and 24 h of the true model, where it is known.
-    most : int
-        Most effects.
-    report : callable
-        Called with the share of the work that is done, 0 to 1, and what is being done.
-
-    Returns
-    -------
-    Diagnosis, Evidence or None
-        None where there are too few days.
+    The evidence is None if there are too few days.
     """
     lacking = ""
     if record.days < FEWEST_DAYS or not split(record.dates).complete:
@@ -161,25 +118,21 @@ def diagnose(
     if lacking:
         return Diagnosis("insufficient_data", lacking, "none"), None
     with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
-        study = find_effects(
-            record, response, classes, gauge_floor=gauge_floor, start=start, dated=dated, most=most,
-            report=report,
-        )  # fmt: skip
-        return conclude(study, classes, floor)
+        return conclude(find_effects(record, response, classes, **given), classes, floor)
 
 
 def find_effects(
     record: Record,
-    response: Responses,
-    classes: dict[str, type[Effect]],
+    response: Response | Sequence[Response],  # nominal; all compete, and the first is the configured reach
+    classes: dict[str, type[Effect]],  # that may be named, by name
     *,
-    gauge_floor: float = 0.0,
-    start: Sequence[Effect] = (),
-    dated: Sequence[Effect] = (),
+    gauge_floor: float = 0.0,  # least gauge noise: the reading's step / sqrt(12) [m or m3/s]
+    start: Sequence[Effect] = (),  # in the model from the start
+    dated: Sequence[Effect] = (),  # tried with these dates and sizes, too
     most: int = MOST_EFFECTS,
-    report: Report = lambda done, what: None,
+    report: Report = lambda done, what: None,  # called with the share of the work done, and what is next
 ) -> Study:
-    """Run all steps except the verdict; see :func:`diagnose`."""
+    """Run all steps of a diagnosis except the verdict."""
     responses = tuple(response) if isinstance(response, Sequence) else (response,)
     search = _Search(record, responses, classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
@@ -243,9 +196,6 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
-        self.grown: dict[int, tuple[Library, Way]] = {}
-        """Library and extension by which each explanation was made from its parent, by identity."""
-        self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
@@ -276,7 +226,7 @@ class _Search:
         return tuple(able), record.take(days)
 
     def report(self, work: float, what: str) -> None:
-        """Report a step that begins now; `work` is its share of the remainder of the round."""
+        """Report a step that begins now and takes the share `work` of the remainder of the round."""
         self._report(self._done, what + self._round)
         self._done += work * (self._until - self._done)
 
@@ -284,12 +234,6 @@ class _Search:
         """Begin a round: explanations with one more effect are tried."""
         self._done, self._round = self._until, f", round {turn + 1} of {most} at most"
         self._until += ROUND * (1.0 - self._until)
-
-    def add(self, one: Explanation) -> Explanation:
-        """Score an explanation, add it to the pool and return it."""
-        one = self._scored(one)
-        self.pool.append(one)
-        return one
 
     def _scored(self, one: Explanation) -> Explanation:
         one = swung(one, self.record) or one
@@ -305,7 +249,8 @@ class _Search:
         for reach in self.responses:
             self.report(0.1, f"calibrating the response: {reach.name}")
             try:
-                likely, one = self._calibrated(reach, part)
+                one = self._calibrated(reach, part)
+                likely = likelihood(one, part)
                 rough.append((likely, likely + self._promise(one, part), one.model))
             except RividError as error:
                 refused.append(error)
@@ -315,45 +260,36 @@ class _Search:
         best = max(likely for likely, _, model in rough if model.reach.name != "fir" or len(rough) == 1)
         promising = []
         for likely, promise, model in rough:
-            dynamics = model.reach.name == "fir"
+            name, dynamics = model.reach.name, model.reach.name == "fir"
             if dynamics and likely < best - HOPELESS:
                 continue
-            self.report(0.1, f"calibrating the response: {model.reach.name}")
+            self.report(0.1, f"calibrating the response: {name}")
             reach = _able(self._nominal(model), model.reach, self.record)
             model = replace(model, noise=None, reach=reach)
-            tried = (  # the fit may leave what the sealed days allow: its start does not
-                self._carrying(
-                    model, fresh=FRESH, unknown="dynamics" if dynamics else "", steps=steps,
-                    log_prior=self.log_prior(int(dynamics)),
-                )
-                for steps in (STEPS, 0)
-            )  # fmt: skip
+            draft = Explanation(model, "dynamics" if dynamics else "", self.log_prior(int(dynamics)))
+            # the fit may leave what the sealed days allow: its start does not
+            tried = (self._fitted(draft, None, FRESH, steps=steps) for steps in (STEPS, 0))
             made = next((one for one in tried if one is not None), None)
             if made is None:
-                self.notes.append(
-                    f"the response {reach.name} was passed over: some flows are too much for it"
-                )
+                self.notes.append(f"the response {name} was passed over: some flows are too much for it")
                 continue
-            one = self.add(made)
+            self.pool.append(made)
             if promise >= best and not dynamics:
-                promising.append(one)
+                promising.append(made)
         if not self.pool:
             raise RividError(self.notes[-1])
         return sorted(promising or self.pool, key=self.score, reverse=True)
 
-    def _calibrated(self, reach: Response, part: Record) -> tuple[float, Explanation]:
-        """Return the log-likelihood [nats per day] and the best fit of a response to some days."""
+    def _calibrated(self, reach: Response, part: Record) -> Explanation:
+        """Return the best fit of a response to some days."""
         starts: Sequence[Response] = (reach,)
         if isinstance(reach, HydraulicResponse):
             few = part.take(_spread(part.days))
             nominal = self._plain(_coarse(reach))
-            begun = fits(
-                [nominal, *side_by_side(partial(settled, nominal, few), range(CHAINS))], few, fresh=2
-            )
-            best = (fit.one.model.reach for fit in begun[:CARRIED_ON])
+            chains = side_by_side(partial(settled, nominal, few), range(CHAINS))
+            best = (one.model.reach for one in fits([nominal, *chains], few, fresh=2)[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
-        best_fit = fits([self._plain(start) for start in starts], part, fresh=1)[0]
-        return best_fit.likely, best_fit.one
+        return fits([self._plain(start) for start in starts], part, fresh=1)[0]
 
     def _columns(self, one: Explanation, record: Record) -> Library:
         """Compute the columns of all trials about an explanation's response, with the initial effects."""
@@ -378,53 +314,42 @@ class _Search:
     def _plain(self, reach: Response) -> Model:
         """Return a model of a response with the initial effects only."""
         record = self.record
-        noises = [e for e in self.start if e.found_as in LEVEL_NOISES]
         known = tuple(e for e in self.start if e.found_as not in LEVEL_NOISES)
-        kind: NoiseKind = "wind" if any(e.found_as == "level noise" for e in noises) else "plain"
+        kind: NoiseKind = "wind" if any(e.found_as == "level noise" for e in self.start) else "plain"
         return Model(
             reach, None, record.usual_output, record.usual_flow, self.gauge_floor, known, ((),) * len(known),
             kind,
         )  # fmt: skip
 
-    def log_prior(self, parts: int) -> float:
-        """Return the log prior of an explanation with so many names and unknowns.
+    def _prior(self, parent: Explanation, more: int = 1) -> float:
+        """Return the log prior of an explanation with more names and unknowns than `parent`."""
+        return parent.log_prior + self.log_prior(more) - self.log_prior(0)
 
-        Each further one halves the prior; all names and unknowns of the library have the same.
-        """
+    def log_prior(self, parts: int) -> float:
+        """Return the log prior of an explanation with so many names and unknowns."""
+        # Each further one halves the prior; all names and unknowns of the library have the same.
         return -(parts + 1) * float(np.log(2.0)) - parts * float(np.log(len(self.classes) + UNKNOWNS))
 
     def score(self, one: Explanation) -> float:
         """Return the log density of the open days [nats]."""
-        assert one.density is not None
         return float(one.density[self.opened].sum())
 
-    @property
-    def first(self) -> Explanation:
-        """The best explanation with the initial effects only."""
-        plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
-        return max(plain, key=self.score)
-
     def ordered(self) -> list[Explanation]:
-        """Return the best explanation of each kind, the most probable first.
-
-        Unknown dynamics are left out: they are not extended.
-        """
-        first, opened, block = self.first, self.opened, self.dealt.block
+        """Return the best explanation of each kind that may be extended, the most probable first."""
+        first, opened, block = self.study().first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
         pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
         chances = ranked(pool, opened, block, ended=False)
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """Return the most probable explanation with a last effect or unknown that is material.
-
-        Immaterial effects can gain many nats if the response misses fronts, without reducing the error.
-        """
+        """Return the most probable explanation with a last effect or unknown that is material."""
+        # Immaterial effects can gain many nats if the response misses fronts, without reducing the error.
         study = self.study()
         counts = (
             one for one in self.ordered() if one.parent is None or study.core(one) != study.core(one.parent)
         )
-        return next(counts, self.first)
+        return next(counts, study.first)
 
     def extend(self, parent: Explanation) -> Explanation:
         """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool.
@@ -440,9 +365,8 @@ class _Search:
         ]  # fmt: skip
         if not parent.unknown and parent.bonus is None:
             self._with_recurring(parent, found)
-        tried = _worth_trying(found)
-        wanted = [_near(one, record) for one in tried]
-        wanted += [_near(one, record) for one in self._dated(parent, library) if one.effect.name not in taken]
+        dated = [one for one in self._dated(parent) if one.effect.name not in taken]
+        wanted = [_near(one, record) for one in (*_worth_trying(found), *dated)]
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
@@ -452,9 +376,9 @@ class _Search:
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 wanted.append(Way(name, events))
-        for way, made in zip(wanted, self._grow(parent, library, wanted), strict=True):
+        for way, made in zip(wanted, self._grow(parent, wanted), strict=True):
             if made is not None and self.classes[way.name].found_as == "recession":
-                self._with_unknown_events(parent, library, PassingFlow)
+                self._with_unknown_events(parent, PassingFlow)
             if made is not None and self.classes[way.name].found_as == "level noise":
                 # An unknown gauge that is hardly likelier errs as wind makes it err.
                 least = self.score(made) + LEAST
@@ -463,29 +387,31 @@ class _Search:
         there = {effect.found_as for effect in self.classes.values()}
         for stranger in STRANGERS:
             if stranger.found_as not in there and stranger.acts_on(record.kind):
-                self._with_unknown_events(parent, library, stranger, gauge)
+                self._with_unknown_events(parent, stranger, gauge)
         return parent
 
     def _with_unknown_events(
-        self, parent: Explanation, library: Library, effect: type[Effect], latent: Sequence[Explanation] = ()
+        self, parent: Explanation, effect: type[Effect], latent: Sequence[Explanation] = ()
     ) -> None:
-        """Add events or waves of unknown cause, if any are found."""
-        prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
-        if effect.found_as in LEVEL_NOISES:
-            made = with_noise(parent, effect, self.record, prior, latent) if parent.bonus is None else None
-        else:
-            made = with_events(parent, effect, library.kernels, self.record, prior)
+        """Add events or waves of unknown cause, if any are found that the reach can carry."""
+        prior = self._prior(parent)
+        if effect.found_as in LEVEL_NOISES and parent.bonus is not None:
+            return
+        try:
+            if effect.found_as in LEVEL_NOISES:
+                made = with_noise(parent, effect, self.record, prior, latent)
+            else:
+                made = with_events(parent, effect, self._library(parent).kernels, self.record, prior)
+        except RividError:
+            return
         if made is not None:
-            self.pool.append(self._scored(self._inflated(made, library)))
+            self.pool.append(self._scored(self._made_by(made, None)))
 
-    def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
+    def _dated(self, parent: Explanation) -> list[Candidate]:
         """Return candidates with the given dates and sizes; the prior is that of any other dates."""
-        days, still = self.record.days, np.zeros(len(parent.sd))
+        days, still, library = self.record.days, np.zeros(len(parent.sd)), self._library(parent)
         prior = -float(np.log(days * (days + 1) / 2))
-        first = {
-            one.name: (one, made)
-            for one, made in zip(library.trials[::-1], library.columns[::-1], strict=True)
-        }
+        first = {trial.name: (trial, columns) for trial, columns in library.trials[::-1]}
         able = [effect for effect in self.dated if effect.name in first]
         return [candidate_of(effect, *first[effect.name], 0.0, prior, still) for effect in able]
 
@@ -500,11 +426,11 @@ class _Search:
         flows: list[tuple[Effect, float]] = [(replace(daily, dates=d), price) for d, price in windows.items()]
         counted = self.record.used & self.opened[:, None]
         seen = np.where(counted, parent.residual, np.nan)
-        left = parent.noise.smooth(seen, self.record.activity).inflow
+        left, _ = parent.noise.smooth(seen, self.record.activity)
         slow = rhythm(left, counted, self.record.time)
         if slow is not None and not any(abs(slow.period - DAY / k) <= slow.resolution for k in (1, 2, 3)):
             flows.append((replace(daily, period=slow.period / HOUR), -float(np.log(slow.many))))
-        prior = parent.log_prior + self.log_prior(2) - self.log_prior(0)  # the flow, and its shape
+        prior = self._prior(parent, 2)  # the flow, and its shape
 
         def fit(flow: tuple[Effect, float]) -> Explanation | None:
             effect, price = flow
@@ -512,88 +438,77 @@ class _Search:
                 parent.model, noise_kind="flow", effects=(*parent.model.effects, effect),
                 free=(*parent.model.free, ("waves",)),
             )  # fmt: skip
-            one = self._carrying(
-                model, start=parent, unknown="flow", parent=parent, log_prior=prior + price,
-                others=parent.others, events=parent.events,
-            )  # fmt: skip
-            return None if one is None else self._scored(one)
+            return self._fitted(parent.extended(prior + price, model=model, unknown="flow"), parent)
 
         self.pool += [one for one in side_by_side(fit, flows) if one is not None]
 
-    def _grow(
-        self, parent: Explanation, library: Library, wanted: Sequence["Way"]
-    ) -> list[Explanation | None]:
+    def _grow(self, parent: Explanation, wanted: Sequence[Way]) -> list[Explanation | None]:
         """Add extensions of `parent`; None for each that the reach cannot carry."""
         if wanted:
             self.report(0.2, "refitting with " + ", ".join(dict.fromkeys(way.name for way in wanted)))
 
         def grown(way: Way) -> Explanation | None:
             try:
-                more = way.grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
+                more = way.grow(parent, log_prior=self._prior(parent))
                 more = None if more is None else swung(more, self.record)
             except RividError:
                 return None
-            return None if more is None else self._scored(self._inflated(more, library, way.columns))
+            return None if more is None else self._scored(self._made_by(more, way))
 
         made = side_by_side(grown, wanted)
-        for way, more in zip(wanted, made, strict=True):
-            if more is not None:
-                self.pool.append(more)
-                self.grown[id(more)] = library, way
+        self.pool += [more for more in made if more is not None]
         return made
 
-    def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
-        """Return the explanation with the inflation of its scores along the library's and its own columns."""
+    def _made_by(self, one: Explanation, way: Way | None) -> Explanation:
+        """Return the explanation with its way, and the inflation of its scores along all columns."""
         block = self.dealt.block
-        found = [library.scatter(one, self.record, block)]
-        if columns is not None:
-            found.append(scatter_of(one, columns, self.record, block))
-        return replace(one, inflation=max(found))
+        found = [self._library(one).scatter(one, self.record, block)]
+        if way is not None and way.columns is not None:
+            found.append(scatter_of(one, way.columns, self.record, block))
+        return replace(one, inflation=max(found), way=way)
 
     def _nominal(self, model: Model) -> Response:
         """Return the nominal response of the kind of a model."""
         return next(reach for reach in self.responses if reach.name == model.reach.name)
 
-    def _refitted(
-        self, one: Explanation, near: Explanation | None, fresh: int = 2, enough: float = ENOUGH
-    ) -> Explanation | None:
-        """Refit an explanation from the response of `near`, or from its own with new columns; None if the
-        reach cannot carry the flows.
+    def _fitted(
+        self, draft: Explanation, near: Explanation | None, fresh: int = 0, *, enough: float = ENOUGH,
+        steps: int = STEPS,
+    ) -> Explanation | None:  # fmt: skip
+        """Fit a draft from the response of `near`, or from its own with new columns, and score it.
 
-        It is scored, and not yet in the pool.
+        Returns None if it cannot carry the flows of all days. The result is not yet in the pool.
         """
-        model = one.model if near is None else replace(one.model, reach=near.model.reach)
-        again = self._carrying(
-            model, start=near, unknown=one.unknown, log_prior=one.log_prior, parent=one.parent,
-            inflation=one.inflation, others=one.others, events=one.events, fresh=fresh, enough=enough,
-        )  # fmt: skip
-        return None if again is None else self._scored(again)
-
-    def _carrying(self, model: Model, **given: Any) -> Explanation | None:
-        """Fit a model to the open days; None if it cannot carry the flows of all days."""
+        model = draft.model if near is None else replace(draft.model, reach=near.model.reach)
         try:
-            return fitted(model, self.record, self.opened, **given)
+            one = fitted(
+                model, self.record, self.opened, draft=draft, start=near, fresh=fresh, enough=enough,
+                steps=steps,
+            )  # fmt: skip
         except RividError:
             return None
+        return self._scored(one)
+
+    def _better(self, one: Explanation, more: Explanation | None) -> Explanation:
+        """Add `more`, if it could be fitted, to the pool; return the better of the two."""
+        self.pool += [] if more is None else [more]
+        return one if more is None or self.score(more) <= self.score(one) else more
 
     def add_rivals(self, lead: Explanation) -> None:
-        """Add the effects that are confounded with the one that `lead` adds, with the same dates.
-
-        A response biased by a change can hide its dates from one of them and show them to another.
-        """
+        """Add the effects that are confounded with the one that `lead` adds, with the same dates."""
+        # A response biased by a change can hide its dates from one of them and show them to another.
         effect, parent = lead.added, lead.parent
         if effect is None or parent is None or effect.found_as:
             return
-        library = self._library(parent)
-        found = _firsts(screened(parent, library, self.record, beside=effect))
-        self._grow(parent, library, [_near(one, self.record) for one in found])
+        best: dict[str, Candidate] = {}
+        for one in screened(parent, self._library(parent), self.record, beside=effect):
+            best.setdefault(one.effect.name, one)
+        self._grow(parent, [_near(one, self.record) for one in best.values()])
 
     def polished(self, lead: Explanation) -> Explanation:
-        """Refit `lead` and its rivals with columns about their own responses, and return the new lead.
-
-        All rivals are refitted from the response of `lead`, which can raise one by 1,000 nats. Those that
-        would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
-        """
+        """Refit `lead` and its rivals with columns about their own responses, and return the new lead."""
+        # All rivals are refitted from the response of `lead`, which can raise one by 1,000 nats. Those that
+        # would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
         self.report(0.1, f"{lead.added.name} and its rivals from its response")
@@ -603,17 +518,15 @@ class _Search:
         for one in sorted(self.pool, key=self.score):
             same = one.count == lead.count and one.unknown == lead.unknown and one.others == lead.others
             same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
-            if same and one.names != lead.names and id(one) in self.grown and one.added is not None:
+            if same and one.names != lead.names and one.way is not None and one.added is not None:
                 rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
         return self.lead()
 
     def _settled(self, one: Explanation) -> Explanation:
-        """Return the better of an explanation and its refit from a response that settled with its effects.
-
-        The response of its parent may be biased by the missing effect, at a maximum that no step leaves.
-        """
+        """Return the better of an explanation and its refit from a response that settled with its effects."""
+        # The response of its parent may be biased by the missing effect, at a maximum that no step leaves.
         nominal = self._nominal(one.model)
         if one.added is None or not isinstance(nominal, HydraulicResponse):
             return one
@@ -622,45 +535,30 @@ class _Search:
         few = replace(few, output=few.output - one.coded[chosen])
         reach = settled(replace(one.model, reach=_coarse(nominal), noise=None), few, 0).reach
         model = replace(one.model, reach=nominal.with_parameters(vector_of(reach)), noise=None)
-        more = self._refitted(replace(one, model=model), None, FRESH)
+        more = self._fitted(replace(one, model=model), None, FRESH)
         if more is None or self.score(more) <= self.score(one):
             return one
         self.pool.append(more)
-        return self._instead(one, more)
+        return more
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
         """Refit explanations from the response of `near`, or their own; return the better of each pair."""
         made = side_by_side(partial(self._fitted_on, near=near), many)
-        self.pool += [more for more in made if more is not None]
-        return [
-            one if more is None or self.score(more) <= self.score(one) else self._instead(one, more)
-            for one, more in zip(many, made, strict=True)
-        ]
+        return [self._better(one, more) for one, more in zip(many, made, strict=True)]
 
     def _fitted_on(self, one: Explanation, near: Explanation | None) -> Explanation | None:
-        """Refit an explanation as long as it can become the likeliest of all.
-
-        New columns about the response of `near` are computed only if the fit is better with it.
-        """
+        """Refit an explanation as long as it can become the likeliest of all."""
+        # New columns about the response of `near` are computed only if the fit is better with it.
         if near in (None, one):
             behind = max(map(self.score, self.pool)) - self.score(one)
-            return self._refitted(one, one, FRESH, max(behind / FRESH, ENOUGH))
-        assert near is not None
-        more = self._refitted(one, near, 0)
+            return self._fitted(one, one, FRESH, enough=max(behind / FRESH, ENOUGH))
+        more = self._fitted(one, near)
         better = more is not None and self.score(more) > self.score(one)
-        return self._refitted(more, more, 1) if more is not None and better else more
-
-    def _instead(self, one: Explanation, more: Explanation) -> Explanation:
-        """Return `more`, registered as the same extension as `one`."""
-        if id(one) in self.grown:
-            self.grown[id(more)] = self.grown[id(one)]
-        return more
+        return self._fitted(more, more, 1) if more is not None and better else more
 
     def shifted(self, lead: Explanation) -> Explanation:
-        """Move the dates and hours of the last effect of `lead` as long as that is likelier.
-
-        They were found with columns, which are valid near the parent's response only.
-        """
+        """Move the dates and hours of the last effect of `lead` as long as that is likelier."""
+        # They were found with columns, which are valid near the parent's response only.
         effect = lead.added
         if effect is None or effect.found_as or not (effect.dates or effect.hours):
             return lead
@@ -675,12 +573,12 @@ class _Search:
             others = [
                 replace(lead, model=replace(model, effects=(*model.effects[:-1], one))) for one in moved
             ]
-            found = side_by_side(partial(self._refitted, near=lead, fresh=0), others)
+            found = side_by_side(partial(self._fitted, near=lead), others)
             best = max((one for one in found if one is not None), key=self.score, default=lead)
             if self.score(best) <= self.score(lead) + HAIR:
                 return lead
             self.pool.append(best)
-            lead = self._instead(lead, best)
+            lead = best
 
     def likeliest(self, parent: Explanation) -> Explanation:
         """Return the likeliest extension of `parent` by an effect; `parent` if none gains :data:`LEAST`."""
@@ -689,52 +587,42 @@ class _Search:
         return parent if self.score(lead) < self.score(parent) + LEAST else lead
 
     def again(self, parent: Explanation) -> Explanation:
-        """Refit `parent` from the response of its likeliest extension; return the better one.
-
-        Otherwise an effect that leads the response out of a local optimum is credited with that gain.
-        """
+        """Refit `parent` from the response of its likeliest extension; return the better one."""
+        # Otherwise an effect that leads the response out of a local optimum is credited with that gain.
         lead = self.likeliest(parent)
         if lead is parent:
             return parent
         self.report(0.05, "refitting without the effect that leads")
-        one = self._refitted(parent, lead)
+        one = self._fitted(replace(parent, way=None), lead, 2)
         if one is None:
             return parent
         self.pool.append(one)
         if self.score(one) < self.score(parent) + LEAST:
             return parent
-        for i, child in enumerate(self.pool):
-            if child.parent is parent:
-                self.pool[i] = replace(child, parent=one)
-                if id(child) in self.grown:
-                    self.grown[id(self.pool[i])] = self.grown.pop(id(child))
+        self.pool = [replace(o, parent=one) if o.parent is parent else o for o in self.pool]
         return one
 
     def level_rivals(self, lead: Explanation) -> None:
-        """Extend the rivals of the parent of `lead` by the same effect, so that twins stay comparable.
-
-        Confounded effects stay rivals however far one is ahead, since a further effect added to one alone
-        would increase its lead. The same holds for an unknown flow or gauge.
-        """
+        """Extend the rivals of the parent of `lead` by the same effect, so that twins stay comparable."""
+        # Confounded effects stay rivals however far one is ahead, since a further effect added to one alone
+        # would increase its lead. The same holds for an unknown flow or gauge.
         latent = lead.unknown if lead.added is None and lead.unknown != "dynamics" else ""
-        if lead.parent is None or not latent and id(lead) not in self.grown:
+        if lead.parent is None or not latent and lead.way is None:
             return
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
         chances = ranked(before, opened, self.dealt.block, ended=False).tolist()
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
-            if rival.model.reach.name != lead.model.reach.name:  # its columns are others
-                continue
-            if len(others) != count or others == set(lead.parent.names):
+            same = rival.model.reach.name == lead.model.reach.name  # of another response the columns differ
+            if not same or len(others) != count or others == set(lead.parent.names):
                 continue
             if p < 1.0 - ALONE and not alike(rival, lead.parent):
                 continue
             if latent and not rival.unknown:
                 self._latent(rival, latent)
-            elif not latent and self.grown[id(lead)][1].name not in others:
-                library, way = self.grown[id(lead)]
-                self._grow(rival, library, [way])
+            elif not latent and lead.way is not None and lead.way.name not in others:
+                self._grow(rival, [lead.way])
 
     def varied(self, lead: Explanation) -> Explanation:
         """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""
@@ -743,20 +631,15 @@ class _Search:
             return lead
         key = effect.varies_with_date
         days = (effect.dates[1] - effect.dates[0]).days + 1
-        found = [lead]
+        best = lead
         for knots in sorted({min(days // length + 1, MOST_KNOTS) for length in DAYS_A_KNOT}):
             if knots < 2 or isinstance(getattr(effect, key), tuple):
                 continue
             self.report(0.05, f"refitting with a course of {effect.name}")
             sizes = effect.with_values(**{key: (float(getattr(effect, key)),) * knots})
             model = replace(lead.model, effects=(*lead.model.effects[:-1], sizes))
-            one = self._carrying(
-                model, start=lead, parent=lead.parent, unknown=lead.unknown, inflation=lead.inflation,
-                log_prior=lead.log_prior,
-            )  # fmt: skip
-            if one is not None:
-                found.append(self.add(one))
-        return max(found, key=self.score)
+            best = self._better(best, self._fitted(replace(lead, model=model, way=None), lead))
+        return best
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
         """Add an unknown flow and an unknown gauge; refit the parent from their response if it is better."""
@@ -770,27 +653,22 @@ class _Search:
         best = max(found, key=self.score, default=parent)
         if self.score(best) <= self.score(parent):
             return parent, found
-        again = self._refitted(parent, best, fresh=0)
-        if again is not None:
-            self.pool.append(again)
-        return max((one for one in (parent, again) if one is not None), key=self.score), found
+        return self._better(parent, self._fitted(replace(parent, way=None), best)), found
 
     def _latent(self, parent: Explanation, kind: Latent) -> Explanation | None:
         """Add `parent` with an unknown flow or gauge; None if the reach cannot carry the flows."""
-        one = self._carrying(
-            replace(parent.model, noise_kind=kind), start=parent, unknown=kind, parent=parent,
-            log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), others=parent.others,
-            events=parent.events,
-        )  # fmt: skip
-        return None if one is None else self.add(one)
+        model = replace(parent.model, noise_kind=kind)
+        one = self._fitted(parent.extended(self._prior(parent), model=model, unknown=kind), parent)
+        if one is not None:
+            self.pool.append(one)
+        return one
 
     def study(self) -> Study:
         """Return the explanations found."""
-        return Study(self.record, self.dealt, tuple(self.pool), self.first, tuple(self.notes), self.start)
+        return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start)
 
 
-UNKNOWNS = 2
-"""An unknown flow and an unknown gauge count as names in the prior."""
+UNKNOWNS = 2  # an unknown flow and an unknown gauge count as names in the prior
 
 
 def _spread(days: int) -> Ints:
@@ -814,14 +692,6 @@ def _able(nominal: Response, reach: Response, record: Record) -> Response:
             continue
         return between
     return nominal
-
-
-def _firsts(found: Sequence[Candidate]) -> list[Candidate]:
-    """Return the best candidate of each name."""
-    best: dict[str, Candidate] = {}
-    for one in found:
-        best.setdefault(one.effect.name, one)
-    return list(best.values())
 
 
 def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:

@@ -46,6 +46,7 @@ class Made:
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
     bonus: Any = None
+    way: Any = None
 
     @property
     def effects(self):
@@ -73,5 +74,5 @@ def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", seale
     )  # fmt: skip
 
 
-def study_of(*pool, first=None):
-    return Study(RECORD, SPLIT, pool, first or pool[0], ())
+def study_of(*pool):
+    return Study(RECORD, SPLIT, pool, ())

@@ -193,7 +193,7 @@ def test_a_short_pool_settles_where_local_steps_end_in_another_maximum(seeds):
         (best,) = fits([replace(model, reach=truth)], record, fresh=12)
         local, found = (fits(models, record, fresh=12)[0] for models in ([model], begun))
         likely = [
-            one.one.noise.log_likelihood(np.where(record.used, one.one.residual, np.nan)).sum()
+            one.noise.log_likelihood(np.where(record.used, one.residual, np.nan)).sum()
             for one in (best, local, found)
         ]
         behind.append(likely[0] - np.array(likely[1:]))
@@ -311,11 +311,9 @@ def test_a_response_that_fits_most_days_is_not_behind_one_that_fits_none():
     right, wrong = (curve_of(one, record) for one in (Curve(two()), Curve(two(high=0.2))))
     for models in ([right, wrong], [wrong, right]):
         best, worst = fits(models, record, fresh=2)
-        assert best.one.model.reach.parameters[0].value == pytest.approx(2.0, abs=0.1)
-        seen = [np.where(record.used, one.one.residual, np.nan) for one in (best, worst)]
-        plain = [
-            one.one.noise.log_likelihood(left).sum() for one, left in zip((best, worst), seen, strict=True)
-        ]
+        assert best.model.reach.parameters[0].value == pytest.approx(2.0, abs=0.1)
+        seen = [np.where(record.used, one.residual, np.nan) for one in (best, worst)]
+        plain = [one.noise.log_likelihood(left).sum() for one, left in zip((best, worst), seen, strict=True)]
         assert plain[0] < plain[1]  # these days decide, where each counts with its own likelihood
 
 
@@ -436,7 +434,7 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     plain = Model(few(planted), None, planted.usual_output, planted.usual_flow, 0.0)
     parent = fitted(plain, planted, every, steps=2)
     model = replace(plain, effects=(gain(error=0.08),), free=(("error",),))
-    one = fitted(model, planted, every, steps=3, parent=parent)
+    one = fitted(model, planted, every, steps=3, draft=parent.extended(0.0))
     both = one.model.rough, replace(one.model, effects=(), free=()).rough
     made = both[0].baseline(planted) - both[1].baseline(planted)
     alone = made_alone(one, one.model.effects[0], planted)

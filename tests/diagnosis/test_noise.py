@@ -109,11 +109,11 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
     S = dense(model)
     gain = S @ B.T @ np.linalg.inv(B @ S @ B.T)
     mean, cov = gain @ data, S - gain @ B @ S
-    got = model.smooth(z[None], activity_of(model))
+    found, found_sd = model.smooth(z[None], activity_of(model))
     which = 1 if model.surface_area else 2  # w, or s of a river reach
     inflow, sd = (part.reshape(4, N)[which] for part in (mean, np.sqrt(np.diag(cov))))
-    assert np.allclose(got.inflow[0], inflow, atol=1e-7 if which == 1 else 1e-8)
-    assert np.allclose(got.inflow_sd[0], sd, rtol=1e-6)
+    assert np.allclose(found[0], inflow, atol=1e-7 if which == 1 else 1e-8)
+    assert np.allclose(found_sd[0], sd, rtol=1e-6)
 
 
 @pytest.mark.parametrize("horizon", [1, 7, 20])
@@ -192,8 +192,8 @@ def test_a_constant_error_has_no_information_in_a_pool_and_some_in_a_river():
 def test_a_day_without_samples_has_no_likelihood():
     z = np.stack([day_of(POOL, []), np.full(N, np.nan)])
     assert (POOL.whiten(z)[1] == 0.0).all() and POOL.log_likelihood(z)[1] == 0.0
-    got = POOL.smooth(z)
-    assert np.allclose(got.inflow[1], 0.0) and np.allclose(got.inflow_sd[1], POOL.inflow_sd)
+    inflow, sd = POOL.smooth(z)
+    assert np.allclose(inflow[1], 0.0) and np.allclose(sd[1], POOL.inflow_sd)
     assert np.isnan(POOL.forecast_errors(z, 3, first=5)[1]).all()
 
 

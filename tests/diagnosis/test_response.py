@@ -14,7 +14,6 @@ from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.base import (
     STEP,
     real_flows,
-    sensitivities,
     slopes_by_differences,
     vector_of,
 )
@@ -273,19 +272,6 @@ def test_slopes_agree_with_central_differences(case):
         up, down = (response.with_parameters(start + s * h).baseline(record) for s in (0.7, 0.3))
         central = (up - down) / (0.4 * h[i])
         assert rms(slopes[i] - central) < 0.05 * rms(central) + 1e-9, p.name
-
-
-def test_sensitivities_are_those_of_runs_one_by_one():
-    record = season(4, days=2)
-    response = few(record)
-    candidates = [changes_of([CATALOGUE["lateral_inflow"](inflow=q)], record.world()) for q in (1.0, 2.0)]
-    found, base = sensitivities(response, record, candidates), response.baseline(record)
-    slopes, differences = np.split(found, [len(response.parameters)])
-    np.testing.assert_array_equal(slopes, response.slopes(record, base))
-    np.testing.assert_array_equal(sensitivities(response, record, candidates, slopes=slopes), found)
-    for difference, changes in zip(differences, candidates, strict=True):
-        np.testing.assert_array_equal(difference, response.baseline(record, changes) - base)
-    assert rms(differences[1] - 2.0 * differences[0]) < 0.01 * rms(differences[1])
 
 
 def test_slopes_turn_round_at_a_limit():

@@ -99,7 +99,7 @@ def library(columns, k, sign=0, dates="between"):
         "lateral_inflow", "", (effect(),) * k, (1.0,) * k, lambda c: effect(inflow=float(c[0])), ("inflow",),
         dates, sign,
     )  # fmt: skip
-    return Library((trial,), (columns[:k],), {})
+    return Library(((trial, columns[:k]),), {})
 
 
 @pytest.mark.parametrize("seed, k, sign", [(0, 1, 0), (1, 1, 0), (2, 2, 0), (3, 1, 1), (4, 1, -1)])
@@ -145,7 +145,7 @@ def test_an_error_of_the_gauge_that_is_set_right_shows_on_the_day_after_its_wind
             shown[:, b] = (OPEN[b] - OPEN[a]) * jump[b]
         gain, c, _ = refit(base, X, r, shown, at, 0, DAYS, 1)
         every.append((gain + log_prior, gain, c[0], a, b))
-    found = [one for one in screened(base, Library((trial,), (columns[:1],), {}), RECORD) if one.effect.dates]
+    found = [one for one in screened(base, Library(((trial, columns[:1]),), {}), RECORD) if one.effect.dates]
     _, gain, size, a, b = max(every)
     assert found[0].gain == pytest.approx(gain, rel=1e-5)
     assert found[0].effect.drift == pytest.approx(np.clip(size, -1.0, 1.0), rel=1e-5)
@@ -246,7 +246,7 @@ def test_hours_and_dates_of_a_release_are_those_of_all_refits(seed):
     whitened = RIVER.whiten(columns, like=np.where(RECORD.used, base.residual, np.nan))[:, OPEN]
     whitened *= np.sqrt(base.weights[OPEN])[:, None]
     effect = CATALOGUE["unlogged_upstream_release"]
-    found = screened(base, Library((effect.hourly_trial("up"),), (columns,), {}), RECORD)
+    found = screened(base, Library(((effect.hourly_trial("up"), columns),), {}), RECORD)
     best = {season: (-np.inf, 0.0) for season in (True, False)}
     spans = list(zip(*_spans("between", DAYS), strict=True))
     for start in range(24):

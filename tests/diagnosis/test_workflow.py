@@ -9,10 +9,10 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike
-from rivid.diagnosis.explanation import STEPS, fitted
-from rivid.diagnosis.workflow import Way, _Search, diagnose, find_effects
+from rivid.diagnosis.explanation import STEPS, Way, fitted
+from rivid.diagnosis.workflow import _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
-from rivid.effects.flow import RecurringFlow
+from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
 from tests.diagnosis import pools
 from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained, study_of
@@ -244,13 +244,13 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     """Regression: a candidate's columns belong to its response; with another response the diagnosis ended."""
     nothing = explained()
     leak = explained("leakage", 9.0, 0.5, parent=nothing)
-    lead = explained("rain_inflow", 9.0, 0.5, parent=leak)
+    lead = explained("rain_inflow", 9.0, 0.5, parent=leak, way=Way("rain_inflow", print))
     model = SimpleNamespace(**{**vars(MODEL), "reach": SimpleNamespace(name=response)})
     rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing, model=model)
     grown = []
     search = SimpleNamespace(
         pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
-        grown={id(lead): (None, Way("rain_inflow", print))}, _grow=lambda one, *_: grown.append(one),
+        _grow=lambda one, *_: grown.append(one),
     )  # fmt: skip
     _Search.level_rivals(search, lead)
     assert grown == [rival] * levelled
@@ -262,8 +262,7 @@ def test_the_lead_takes_a_share_of_the_error():
     pond = explained("side_storage", 60.0, 0.0, parent=nothing)
     gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
     search = SimpleNamespace(
-        cores={}, first=nothing, ordered=lambda: [pond, gain, nothing],
-        study=lambda: study_of(nothing, pond, gain),
+        ordered=lambda: [pond, gain, nothing], study=lambda: study_of(nothing, pond, gain)
     )  # fmt: skip
     assert _Search.lead(search) is gain
     search.ordered = lambda: [pond, nothing, gain]
@@ -342,7 +341,7 @@ def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     lead = explained("", 9.0, 0.5, parent=leak, unknown="gauge")
     given = []
     search = SimpleNamespace(
-        pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE, grown={},
+        pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
         _latent=lambda one, kind: given.append((one, kind)),
     )  # fmt: skip
     _Search.level_rivals(search, lead)
@@ -353,14 +352,14 @@ def test_rivals_of_what_a_lead_extends_get_its_effect_from_their_own_model():
     nothing = explained()
     leak = explained("leakage", 9.0, 0.5, parent=nothing)
     rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing)
-    lead = explained("side_storage", 9.0, 0.5, parent=leak)
-    library, way, given = object(), Way("side_storage", print), []
+    way, given = Way("side_storage", print), []
+    lead = explained("side_storage", 9.0, 0.5, parent=leak, way=way)
     search = SimpleNamespace(
         pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
-        grown={id(lead): (library, way)}, _grow=lambda *call: given.append(call),
+        _grow=lambda *call: given.append(call),
     )  # fmt: skip
     _Search.level_rivals(search, lead)
-    assert given == [(rival, library, [way])]
+    assert given == [(rival, [way])]
 
 
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
@@ -373,7 +372,8 @@ def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
     parent, *_ = search.begun()
     off = replace(hidden, dates=(record.dates[6], record.dates[13]), hours=(6.0, 10.0))
     model = replace(parent.model, effects=(off,), free=(("size",),))
-    lead = search.add(fitted(model, search.record, search.opened, start=parent, parent=parent))
+    lead = search._fitted(parent.extended(0.0, model=model), parent)
+    search.pool.append(lead)
     found = search.shifted(lead).added
     opened = {day for day, there in zip(record.dates, search.opened, strict=True) if there}
     days = [{day for day in opened if dates[0] <= day <= dates[1]} for dates in (found.dates, hidden.dates)]
@@ -397,3 +397,24 @@ def test_a_response_that_leaves_what_the_sealed_days_allow_begins_where_it_carri
     (parent,) = search.begun()
     assert parent.density is not None and search.pool == [parent]
     assert search._with_unknown(parent) == (parent, []) and search.varied(parent) is parent
+
+
+def test_unknown_events_with_which_the_sealed_days_cannot_be_carried_are_left_out(monkeypatch):
+    """Regression: effects with names were left out then, and unknown events ended the diagnosis."""
+    starts = tuple(24.0 * d + 5.0 * d % 19.0 for d in range(1, 20, 2))
+    pulses = PassingFlow(starts=starts, size=60.0, duration=2.0)
+    record = pools.season(5, DAYS, effects=(pulses,), T_s=T_S)
+    search = _Search(
+        record, (pools.nominal(record),), {"leakage": CATALOGUE["leakage"]}, pools.GAUGE_FLOOR, (), print
+    )
+    (parent,) = search.begun()
+
+    def refusing(*given, **others):
+        raise RividError("no steady flow")
+
+    monkeypatch.setattr("rivid.diagnosis.search.fitted", refusing)
+    search._with_unknown_events(parent, PassingFlow)
+    assert search.pool == [parent]
+    monkeypatch.undo()
+    search._with_unknown_events(parent, PassingFlow)
+    assert [one.unknown for one in search.pool] == ["", "flow"]

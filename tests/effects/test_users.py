@@ -74,8 +74,9 @@ def test_one_class_in_one_file_is_listed_simulated_and_a_candidate_of_the_diagno
     record = pools.season(3, days=4, effects=(build({**planted, "flow": 6.0}, classes),))
     ladder = {"fish_ladder": classes["fish_ladder"]}
     library = Library.of(pools.model_of(record), record, ladder)
-    assert [trial.name for trial in library.trials] == ["fish_ladder"]
-    assert (library.columns[0][0, :, -1] < -0.01).all()
+    ((trial, columns),) = library.trials
+    assert trial.name == "fish_ladder"
+    assert (columns[0, :, -1] < -0.01).all()
     assert Library.of(pools.model_of(record), replace(record, kind="river"), ladder).trials == ()
     assert breaker(classes["leakage"], (classes["fish_ladder"],)) == "Close the ladder for a day."
 

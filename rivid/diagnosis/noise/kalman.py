@@ -98,8 +98,7 @@ def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats
 
 
 LOG_2PI = float(np.log(2.0 * np.pi))
-FACTORS = 8
-"""Innovation variances multiplied before a logarithm is taken: each may be 1e38 times the gauge's."""
+FACTORS = 8  # innovation variances multiplied before a logarithm is taken: each may be 1e38 times the gauge's
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"}, nogil=True)

@@ -35,13 +35,6 @@ from rivid.errors import RividError
 from rivid.types import Bools, Floats
 
 
-class Smoothed(NamedTuple):
-    """The unknown inflow w given whole days, for a river reach s; arrays of shape (days, n)."""
-
-    inflow: Floats  # [m3/s]
-    inflow_sd: Floats  # its standard deviation [m3/s]
-
-
 @dataclass(frozen=True)
 class NoiseModel:
     """The noise of one reach: a linear filter, the same for all days with the same gaps."""
@@ -105,10 +98,8 @@ class NoiseModel:
         return np.asarray(white).reshape(given.shape)
 
     def log_likelihood(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Floats:
-        """Return the log-likelihood of each day (days,) of a residual (days, n) [m]; NaN is missing.
-
-        For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
-        """
+        """Return the log-likelihood of each day (days,) of a residual (days, n) [m]; NaN is missing."""
+        # For a pool it is that of the differences from the day's first sample, as x_0 is unknown.
         z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
         moved = _moved(activity, z.shape)
@@ -146,20 +137,17 @@ class NoiseModel:
         errors = fell[:, origin + horizon] - begun - rise - m.psi**horizon * s
         return np.where(known, errors, np.nan)
 
-    def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
-        """Estimate the unknown inflow from whole days of a residual (days, n) [m]; NaN is missing."""
+    def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
+        """Estimate w, or s of a river, and its standard deviation from a residual of whole days (days, n)."""
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
-        states, v = filtered(values, K, m)
-        inflow, variance = smoothed(states, v, there, K, S, P, m)
-        return Smoothed(inflow, np.sqrt(variance))
+        inflow, variance = smoothed(*filtered(values, K, m), there, K, S, P, m)
+        return inflow, np.sqrt(variance)
 
     def ahead(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
-        """Return the expected residual and the standard deviation of a reading about it, shape (days, n) [m].
-
-        Each sample is predicted from the samples present before it; after the last one these are forecasts.
-        """
+        """Return the expected residual and the sd of a reading about it, shape (days, n) [m] each."""
+        # Each sample is predicted from the samples present before it; after the last one these are forecasts.
         (values, there), m = gather(residual), self.system()
         K, _, P = gains(np.ascontiguousarray(there.T), _moved(activity, values.shape), m, True)
         states, _ = filtered(values, K, m)
@@ -187,9 +175,7 @@ class NoiseModel:
 
     def system(self) -> System:
         """Return the entries of the filter's matrices."""
-        numbers = _numbers(**{f.name: getattr(self, f.name) for f in fields(self)})
-        c, phi, psi, walk, inflow, level, gauge, misfit = map(float, numbers)
-        return System(c, phi, psi, walk, inflow, level, gauge, misfit, self.surface_area is not None)
+        return System._make([*map(float, _numbers(**vars(self))), self.surface_area is not None])
 
 
 def _moved(activity: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
@@ -214,12 +200,10 @@ def _numbers(
     )  # fmt: skip
 
 
-WALK_LIMIT = 1e-3
-"""Largest random walk with a level-type noise [m per sample]: a larger one absorbs the wind."""
+WALK_LIMIT = 1e-3  # largest random walk with a level-type noise [m per sample]: a larger one absorbs the wind
 
 
-MOST_MISFIT = 2.0
-"""Largest misfit: fronts that are two samples early or late."""
+MOST_MISFIT = 2.0  # largest misfit: fronts that are two samples early or late
 
 
 class Limits(NamedTuple):
@@ -237,8 +221,7 @@ class Limits(NamedTuple):
 
     def systems(self, points: Floats) -> Floats:
         """Return the filter's numbers at points (q, f), shape (q, 8)."""
-        given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
-        given |= dict(zip(self.free, np.exp(points).T, strict=True))
+        given = vars(self.model) | dict(zip(self.free, np.exp(points).T, strict=True))
         return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
 
@@ -294,14 +277,10 @@ def usual_starts(limits: Limits, level: bool) -> tuple[NoiseModel, ...]:
     )
 
 
-FEWEST_BLOCKS = 8
-"""Fewest blocks for an estimate of the inflation."""
-
+FEWEST_BLOCKS = 8  # fewest blocks for an estimate of the inflation
 KEPT = 0.75
 """Share of squared differences, the smallest ones, used to estimate the inflation: excludes ends of dates."""
-
-KEPT_MEAN = 0.36852
-"""Mean of a chi-square variable with one degree of freedom below its 75 % quantile."""
+KEPT_MEAN = 0.36852  # mean of a chi-square variable with one degree of freedom below its 75 % quantile
 
 
 def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integer]) -> tuple[Floats, Floats]:
@@ -336,12 +315,10 @@ def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
     return np.asarray(np.maximum(smallest.mean(1) / KEPT_MEAN, 1e-300))
 
 
-DAY_LIMIT = 1.3
-"""Largest mean square of a day, over the median of the days, at which the day has full weight."""
+DAY_LIMIT = 1.3  # largest mean square of a day, over the median of the days, at which the day has full weight
 
 
-STEP = 1e-5
-"""Step of the finite differences, in logarithms: slopes are those half a step ahead."""
+STEP = 1e-5  # step of the finite differences, in logarithms: slopes are those half a step ahead
 
 
 def day_weights(whitened: ArrayLike) -> Floats:
@@ -404,8 +381,7 @@ def fit_noise(
 NEAR_STEPS = 8
 """Steps from a near start, after which the response is fitted again; also from each of several starts, of
 which those within :data:`CLOSE` of the best one are continued."""
-CLOSE = 20.0
-"""Log-likelihood by which a start may be behind and still win [nats]: one that was 9 behind did."""
+CLOSE = 20.0  # log-likelihood by which a start may be behind and still win [nats]: one that was 9 behind did
 LANES, FEWEST_LANES = 8, 24
 """The days of a likelihood are padded to a multiple of a vector's length, and to the smallest number for
 which the compiled loop uses vectors: 13 days take 0.48 ms, and 24 take 0.22 ms."""

@@ -8,14 +8,12 @@ output, while :meth:`Response.simulate` runs free.
 import datetime as dt
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Self, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Kind, Record
 from rivid.errors import RividError
@@ -37,8 +35,7 @@ from rivid.types import Floats
 STEP = 0.03
 """Steps of finite differences, in prior standard deviations: in one season 0.1 changed single columns by up
 to 3 %, 0.03 by less than 1 %. The number of time steps must not change with a step."""
-START_SAMPLES = 5
-"""Number of readings averaged for the initial level of a row."""
+START_SAMPLES = 5  # number of readings averaged for the initial level of a row
 
 
 @dataclass(frozen=True)
@@ -134,10 +131,8 @@ def vector_of(response: Response) -> Floats:
 def slopes_by_differences(
     response: Response, record: Record, base: Floats, changes: Changes, which: range
 ) -> Floats:
-    """Compute derivatives of the baseline by one run each, within the limits; shape (len(which), days, n).
-
-    If the reach cannot carry the flows after a step, the step is taken in the other direction.
-    """
+    """Compute derivatives of the baseline by one run each, within the limits; shape (len(which), days, n)."""
+    # If the reach cannot carry the flows after a step, the step is taken in the other direction.
     columns = np.empty((len(which), *base.shape))
     start = vector_of(response)
     for row, i in enumerate(which):
@@ -150,29 +145,6 @@ def slopes_by_differences(
             h = -h
             moved = response.with_parameters(start + h * unit).baseline(record, changes)
         columns[row] = (moved - base) / h
-    return columns
-
-
-def sensitivities(
-    response: Response,
-    record: Record,
-    candidates: Sequence[Changes],
-    changes: Changes = NO_CHANGES,
-    slopes: Floats | None = None,
-    base: Floats | None = None,
-) -> Floats:
-    """Compute derivatives of the baseline, and its change with candidates, (p + len(candidates), days, n).
-
-    Each candidate is the complete set of changes, `changes` included; `slopes` (p, days, n) and `base` (days,
-    n) may be given if known. The memory needed is that of the result and of one run.
-    """
-    if slopes is not None and not candidates:
-        return np.asarray(slopes, float)
-    base, p = response.baseline(record, changes) if base is None else base, len(response.parameters)
-    columns = np.empty((p + len(candidates), *base.shape))
-    columns[:p] = response.slopes(record, base, changes) if slopes is None else slopes
-    for column, candidate in zip(columns[p:], candidates, strict=True):
-        np.subtract(response.baseline(record, candidate), base, out=column)
     return columns
 
 
@@ -189,13 +161,6 @@ def start_level(output: Floats, otherwise: float) -> Floats:
 def gauge_of(record: Record, changes: Changes) -> Floats:
     """Return the reading of the gauge minus the water level, shape (days, n)."""
     return on_grid("a gauge offset", changes.gauge, record.time.shape)
-
-
-def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
-    """Return a nudged level (days, n) [m] minus the volume of the nudge (days, n) [m/s]; times in [s]."""
-    free = level.copy()
-    free[:, 1:] -= np.cumsum(nudge[:, :-1] * np.diff(time, axis=1), axis=1)
-    return free
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,12 +223,6 @@ def lagged(values: NDArray[Any], lag: int) -> NDArray[Any]:
     return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
 
 
-def leaky(flow: Floats, sample_time: float, memory: float) -> Floats:
-    """Return the leaky mean of a flow over a memory [s], starting at the row's first value."""
-    keep = math.exp(-sample_time / memory)
-    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], flow, axis=1, zi=keep * flow[:, :1])[0])
-
-
 def cut(changes: Changes, shape: tuple[int, int], part: Any) -> Changes:
     """Return changes on a part of the grid: `part` is an index that keeps whole rows or samples."""
 
@@ -288,12 +247,6 @@ def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
     return whole
 
 
-def mean_before(time: Floats, passed: Floats) -> Floats:
-    """Return the mean flow of the interval before each sample from a volume; the first repeats the second."""
-    means = np.diff(passed, axis=1) / np.diff(time, axis=1)
-    return np.concatenate([means[:, :1], means], axis=1)
-
-
 def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
     """Return the step responses of a reach at the usual state of a record, over the samples of its rows."""
     n = record.time.shape[1]
@@ -303,10 +256,8 @@ def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
 def step_responses(
     response: Response, n: int, sample_time: float, level: float, flow: float
 ) -> dict[str, Floats]:
-    """Return changes of the output (n,) after 1 m3/s more of flow [m per m3/s, or -].
-
-    The flow enters at the upper dam or in the middle, or leaves at the lower dam.
-    """
+    """Return changes of the output (n,) after 1 m3/s more of flow [m per m3/s, or -]."""
+    # The flow enters at the upper dam or in the middle, or leaves at the lower dam.
     kind: Kind = "river" if response.surface_area is None else "pool"
     steady, shape = np.full((1, n + 1), flow), (1, n + 1)
     still = Record(

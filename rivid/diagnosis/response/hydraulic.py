@@ -18,7 +18,6 @@ from rivid.diagnosis.response.base import (
     slopes_by_differences,
     start_level,
     vector_of,
-    without_nudge,
 )
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
@@ -69,13 +68,11 @@ with 96, by another 50, 0, 26, 16, 521 and 615."""
 ROUGH_CELLS = 24
 """Cells for differences between similar channels, in steps of a fit and for its columns. Fits of five pools
 that took these from 24 or 32 cells ended within 25 nats of each other."""
-FALL = 0.15
-"""Initial fall of the bed of a pool, in depths; its uncertainty is larger."""
+FALL = 0.15  # initial fall of the bed of a pool, in depths; its uncertainty is larger
 HEADROOM = 1.15
 """Wave speed for which time steps are set, over that of the usual state: a depth 2 sd larger gives 1.3 times.
 With the solver's own headroom waves up to 1.4 times as fast do not change the steps."""
-NARROWEST = 0.1
-"""Least width of the bed over that of the surface."""
+NARROWEST = 0.1  # least width of the bed over that of the surface
 MODES = 6
 """Modes of width and bed. With three, a channel with seven uneven places was 700 nats less likely with
 nothing missing, its geometry was at the limits, and a leak compensated for this."""
@@ -85,8 +82,7 @@ ARRIVAL_LAGS = (-1, 0, 1, 2, 3)
 """Lags of the inflow that may be corrected, about the delay d [samples]: shape of the first front."""
 CORRECTION_SD, CORRECTION_LIMIT = 0.75, 3.0
 """Prior sd and limit of a correction, in T_s / A [m per m3/s]. More would absorb an outflow lag."""
-LAG_STEP = 0.5
-"""Step of the gauge's lag for its derivative [s]: short compared with the shortest samples."""
+LAG_STEP = 0.5  # step of the gauge's lag for its derivative [s]: short compared with the shortest samples
 
 
 def bed_width(width: float, bank: float, depth: float) -> float:
@@ -274,7 +270,8 @@ class HydraulicResponse(Response):
 
     def _level(self, record: Record, changes: Changes, flow: Flow) -> Floats:
         """Return the water level of a run with the corrections, its nudge subtracted [m]."""
-        level = without_nudge(record.time, flow.level, flow.nudge)
+        level = flow.level.copy()
+        level[:, 1:] -= np.cumsum(flow.nudge[:, :-1] * np.diff(record.time, axis=1), axis=1)
         values = [p.value for p in self.parameters[self._shape_count : -1]]
         if any(values):
             level += np.tensordot(values, self._columns(record, changes, flow.released), 1)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.signal import lfilter
 
 from rivid.diagnosis.data import START_UP, Record
 from rivid.diagnosis.response.base import (
@@ -19,8 +20,6 @@ from rivid.diagnosis.response.base import (
     Response,
     gauge_lag,
     lagged,
-    leaky,
-    mean_before,
     real_flows,
     slopes_by_differences,
     start_level,
@@ -32,12 +31,10 @@ from rivid.types import Floats
 
 Fronts = Literal["none", "fir"]
 NAMES: dict[str, str] = {"none": "integrator-delay", "fir": "fir"}
-SLOW = 3600.0
-"""Memory of the slow flow on which the coefficients depend [s]."""
+SLOW = 3600.0  # memory of the slow flow on which the coefficients depend [s]
 COEFFICIENT_SD, COEFFICIENT_LIMIT = 5.0, 50.0
 """Prior sd and limit of FIR coefficients, in T_s / A; fronts in a pool of Table I have 5 to 10."""
-SHARE_SD = 0.3
-"""Relative prior sd of the share of the water's speed: the depth is known to some 15 percent."""
+SHARE_SD = 0.3  # relative prior sd of the share of the water's speed: the depth is known to some 15 percent
 DENSE = 6
 """Samples beyond the delay up to which an FIR filter has every lag; then each lag is a seventh longer."""
 
@@ -151,16 +148,18 @@ class LinearPool(Response):
         )
 
     def _columns(self, record: Record, flows: RealFlows) -> Iterator[Floats]:
-        """Yield lagged flows (days, n), plain and times the slow flow, one by one to save memory.
-
-        A flow that enters on the way acts as part of the inflow and, with opposite sign, of the outflow.
-        """
+        """Yield lagged flows (days, n), plain and times the slow flow, one by one to save memory."""
+        # A flow that enters on the way acts as part of the inflow and, with opposite sign, of the outflow.
         inflow, outflow = flows.inflow, flows.outflow
         for part in flows.added:
             inflow = inflow + (1.0 - part.place) * part.flow
             outflow = outflow - part.place * part.flow
-        late = mean_before(record.time, delayed_volume(record.time, inflow, self.delay(record)))
-        slow = (leaky(0.5 * (late + outflow), record.sample_time, SLOW) - self.flow) / self.flow_range
+        passed = delayed_volume(record.time, inflow, self.delay(record))
+        late = np.diff(passed, axis=1) / np.diff(record.time, axis=1)
+        mean = 0.5 * (np.concatenate([late[:, :1], late], axis=1) + outflow)
+        keep = math.exp(-record.sample_time / SLOW)
+        leaky = lfilter([1.0 - keep], [1.0, -keep], mean, axis=1, zi=keep * mean[:, :1])[0]
+        slow = (np.asarray(leaky) - self.flow) / self.flow_range
         for factor in (np.ones(1), slow):
             for flow in (inflow - self.flow, outflow - self.flow):
                 for lag in self.lags:

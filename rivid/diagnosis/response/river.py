@@ -13,12 +13,9 @@ from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gauge import stilled
 from rivid.types import Floats
 
-CELLS = 24
-"""Cells of the reach: the fluxes of this number represent a spread of a tenth of the delay or more."""
-NARROWEST = 0.1
-"""Smallest ratio of the spread to the delay [-]."""
-GAIN_SD = 0.03
-"""Prior standard deviation of the gain of two gauges, as a share."""
+CELLS = 24  # cells of the reach: the fluxes of this number represent a spread of a tenth of the delay or more
+NARROWEST = 0.1  # smallest ratio of the spread to the delay [-]
+GAIN_SD = 0.03  # prior standard deviation of the gain of two gauges, as a share
 COURANT = 0.7
 """Courant number of Heun's method: stable up to 1 with upstream fluxes; central ones slowly diverge."""
 TABLE, BEYOND = 4096, 2.0
@@ -52,10 +49,9 @@ class RiverResponse(Response):
 
     @classmethod
     def nominal(cls, delay: float, spread: float, flow: float, exponent: float = 0.4) -> "RiverResponse":
-        """Return a response from rough mean and sd of the arrival times [s] at the usual flow [m3/s].
-
-        The delay decreases with the flow by `exponent` [-]. The prior sd of the constant is that of the gain.
-        """
+        """Return a response from rough mean and sd of the arrival times [s] at the usual flow [m3/s]."""
+        # The delay decreases with the flow by `exponent` [-]. The prior sd of the constant is that of the
+        # gain.
         if not flow > 0.0:
             raise RividError(f"flow = {flow} m3/s: expected a positive usual flow")
         return cls(
