@@ -110,7 +110,7 @@ def test_reaches_of_a_cascade_differ_in_the_given_keys(tmp_path):
         "[[cascade]]\nreach = {name = 'b', width = 70}\nchannel = {cells = 20}\n"
     )
     one, two = load_scenario(written(tmp_path, text)).reaches()
-    assert (one.reach.width, one.channel.cells, one.channel.slope) == (50.0, 32, 3e-4)
+    assert (one.reach.width, one.channel.cells, one.channel.slope) == (50.0, 128, 3e-4)
     assert (two.reach.width, two.channel.cells, two.channel.slope) == (70.0, 20, 3e-4)
     assert not one.cascade and one.reach.name == "a"
 

@@ -156,14 +156,11 @@ def removed(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -
 
 
 def grows(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether errors an hour or more ahead grow materially from `other` to `one`.
-
-    The growth is the geometric mean over the horizons. At a single one it is allowed: if operators react to
-    the weather, a response biased by a missing effect can forecast a day ahead better than the true one.
-    """
+    """Return whether an error an hour or more ahead grows materially from `other` to `one`."""
     _, draws = shares(as_volume(one, other), other, chosen, blocks)
-    growth = np.log(np.maximum(1.0 - draws[:, 1:], 1e-9)).mean(axis=1)
-    return bool(np.quantile(growth, DOUBT) > np.log(1.0 + MATERIAL))
+    # A smaller growth is allowed: if operators react to the weather, a response biased by a missing effect
+    # can forecast a day ahead better than the true one.
+    return bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
 
 
 def is_material(
@@ -178,9 +175,17 @@ def is_material(
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Return whether an explanation with a name makes no forecast of an hour or more materially worse."""
-    # An effect that biases the response can do so and still be likelier, by details within a sample.
-    return not one.names or one is first or not grows(one, first, chosen, blocks)
+    """Return whether an explanation makes forecasts of an hour or more no worse on the whole.
+
+    An effect that biases the response can do so and still be likelier, by details within a sample. The whole
+    is the geometric mean over the horizons. One alone may grow while another effect is missing: a clock that
+    removed 89 and 74 % of the squared error after 1 and 4 h had more after 24 h, where operators had reacted.
+    """
+    if not one.names or one is first:
+        return True
+    _, draws = shares(as_volume(one, first), first, chosen, blocks)
+    growth = np.log(np.maximum(1.0 - draws[:, 1:], 1e-9)).mean(axis=1)
+    return bool(np.quantile(growth, DOUBT) <= np.log(1.0 + MATERIAL))
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -364,13 +369,14 @@ class Study:
     def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
         """Return whether a timing effect that `other` lacks removes most of the front misfit, not all."""
         # Most is half of its square; the rest must be a material share. A clock offset fitted to ice on a
-        # river removed three quarters.
+        # river removed three quarters. What `other` leaves beyond the rest may be a response error only where
+        # it is no larger than the rest, which is one.
         differing = difference(other, lead)
         if differing is None or differing[1].family != "timing":
             return False
         less = self._less(lead, differing[1])
-        before, left = (one.noise.misfit**2 for one in (less, lead))
-        return MATERIAL * before < left <= 0.5 * before
+        before, left, its = (one.noise.misfit**2 for one in (less, lead, other))
+        return MATERIAL * before < left <= 0.5 * before and its <= 2.0 * left
 
     def _balances(self, one: Explanation, lead: Explanation) -> bool:
         """Return whether explanations of a river differ by one balance shift each, possibly of the rating."""

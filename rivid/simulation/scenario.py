@@ -55,7 +55,7 @@ class ChannelScenario(Section):
     width_modes: Annotated[Modes, Means("modes of the logarithm of the width")] = ()
     bed_modes: Annotated[Modes, Means("modes of the bed's level", "m")] = ()
     manning_modes: Annotated[Modes, Means("modes of the logarithm of n")] = ()
-    cells: Annotated[int, Field(ge=4, le=2000), Means("cells along the reach")] = 32
+    cells: Annotated[int, Field(ge=4, le=2000), Means("cells along the reach")] = 128
     courant: Annotated[float, Field(gt=0, le=0.6), Means("Courant number of the usual time step")] = 0.5
     step: Annotated[Positive | None, Means("time step; not given: from `courant`", "s")] = None
     gate_time: Annotated[NotNegative, Means("that a gate needs from one command to the next", "s")] = 30.0

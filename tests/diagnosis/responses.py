@@ -15,6 +15,7 @@ from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
 PLAIN = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "hydraulic.toml")
+PLAIN = PLAIN.model_copy(update={"channel": PLAIN.channel.model_copy(update={"cells": 32})})  # for speed
 DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level - 0.5 * 1.64
 """Mean depth of the channel. At the dam it is larger by half of the fall."""
 GAUGE = 0.0035

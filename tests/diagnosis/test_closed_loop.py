@@ -195,7 +195,7 @@ def channel(s, record):
     made = HydraulicResponse.nominal(
         reach.length, reach.width, level - bed.bed_level - 0.5 * bed.slope * reach.length, level,
         sample_time=record.sample_time, flow=record.usual_flow, slope=bed.slope, manning=bed.manning,
-        width_modes=0, bed_modes=0,
+        width_modes=0, bed_modes=0, cells=bed.cells,
     )  # fmt: skip
     return walls(made)
 

@@ -398,8 +398,9 @@ def test_an_unknown_counts_where_it_is_larger_than_weather():
 
 def test_a_name_that_makes_forecasts_worse_does_not_compete():
     nothing = explained()
-    for removes, competes in ((-0.5 * MATERIAL, True), (-2.0 * MATERIAL, False)):
-        one = explained("leakage", 9.0, [MUCH, MUCH, removes, MUCH], parent=nothing)
+    bent = [MUCH, MUCH, MUCH, -MUCH]  # a clock beside which another effect is missing
+    for removes, competes in ((-0.5 * MATERIAL, True), (-2.0 * MATERIAL, False), (bent, True)):
+        one = explained("leakage", 9.0, np.where(np.arange(4) > 0, removes, MUCH), parent=nothing)
         assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
 
 

@@ -58,10 +58,9 @@ def test_without_a_ranking_its_fields_are_empty():
 def test_the_exported_channel_is_the_calibrated_one(tmp_path):
     """It includes banks, modes and the gate time."""
     record = season(4, days=2)
-    response = nominal(record).with_parameters(
-        vector_of(nominal(record))
-        + np.random.default_rng(2).normal(0.0, 0.02, len(nominal(record).parameters))
-    )
+    response = nominal(record, cells=128)
+    moves = np.random.default_rng(2).normal(0.0, 0.02, len(response.parameters))
+    response = response.with_parameters(vector_of(response) + moves)
     found = tuple(Estimate(p.name, p.natural, p.unit, p.natural, p.natural) for p in response.parameters)
     answer = dataclasses.replace(diagnosis("no_gap", EVIDENCE), effects=(), reach_parameters=found)
     table = {

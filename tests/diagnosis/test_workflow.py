@@ -289,6 +289,7 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
 
         def extend(self, parent):
             extended.append(parent.names)
+            return parent
 
         def again(self, parent):
             return parent
@@ -320,7 +321,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
         ordered = staticmethod(lambda: [first])
         study = staticmethod(lambda: extended)
         lead = staticmethod(lambda: first if len(extended) > 1 else waves)
-        extend = staticmethod(lambda one: extended.append(one.names))
+        extend = staticmethod(lambda one: extended.append(one.names) or one)
 
         def __init__(self, *given):
             pass
