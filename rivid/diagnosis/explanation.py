@@ -60,7 +60,7 @@ class Explanation:
     inflation: float = 1.0  # variance of block scores of the added effect over that of the noise model
     parent: "Explanation | None" = None  # explanation that this one extends by an effect or unknown cause
     way: Way | None = None  # that made it from its parent, and can extend the parent's rivals
-    defect: Floats = UNSET  # (days, n): output minus that of the cheaper response
+    defect: Floats = UNSET  # (days, n): what the output adds to that of the cheaper response
     density: Floats = UNSET  # (days,): log density of each day by the fit without its block
     errors: DayErrors = UNSET  # of forecasts by the same fits, at HORIZONS
     change: Floats = UNSET  # (days, k): change of the parameters without the block of each day
@@ -191,12 +191,11 @@ def fitted(
     coded = sum((found.coded for found in draft.events), np.zeros(record.time.shape))
     fixed = coded[open_days]
     if start is None:
-        base = model.baseline(few)
-        defect = model.defect(few, base)
+        base, defect = model.fine(few)
     else:
         defect = start.defect[open_days]
         base = model.rough.baseline(few) + defect
-    exact = start is None  # whether the defect is that of the present values
+    exact = start is None  # whether the defect is that of the present values; `corrected`: nearly that
     z = residual_of(few, base) - fixed
     shared = None if start is None else start.shared
     J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
@@ -243,8 +242,7 @@ def fitted(
             continue
         if (fresh == 0 or not stale and fell < enough) and (exact or corrected):
             break
-        base = model.baseline(few)
-        defect, exact = model.defect(few, base), True
+        (base, defect), exact = model.fine(few), True
         z = residual_of(few, base) - fixed
         if fresh == 0 or not stale and fell < enough:
             corrected = True
@@ -252,16 +250,14 @@ def fitted(
         del J
         J, shared, stale, fresh = model.jacobian(few, base - defect), None, False, fresh - 1
         damping = LEAST_DAMPING
-    if not exact:
-        base = model.baseline(few)
-        defect = model.defect(few, base)
+    if not (exact or corrected):
+        base, defect = model.fine(few)
         z = residual_of(few, base) - fixed
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
         rest = record.take(sealed)
-        base = model.baseline(rest)
-        more = model.defect(rest, base)
+        base, more = model.fine(rest)
         left = residual_of(rest, base) - coded[sealed]
         other_J = model.jacobian(rest, base - more, None if shared is None else shared[:, sealed])
     else:

@@ -154,10 +154,10 @@ class Model:
         rough = self.reach.rough
         return self if rough is self.reach else replace(self, reach=rough)
 
-    def defect(self, record: Record, base: Floats) -> Floats:
-        """Return what the baseline `base` differs from that of the cheaper response by, shape (days, n)."""
-        rough = self.rough
-        return np.zeros(base.shape) if rough is self else base - rough.baseline(record)
+    def fine(self, record: Record) -> tuple[Floats, Floats]:
+        """Return the baseline, and what it adds to that of the cheaper response; shape (days, n) each."""
+        base, rough = self.baseline(record), self.rough
+        return base, 0.0 * base if rough is self else base - rough.baseline(record)
 
     def recall(self, record: Record) -> float:
         """Return the share of a level error that remains after a sample; 1 with most effects."""
