@@ -263,14 +263,14 @@ SHOWN = 0.01  # share of the largest block's information below which a block is 
 
 LEAST_LEFT = 0.02
 """Least share of a column's information, beyond the response's parameters, at which it is estimated."""
-FEWEST = 4  # open days of the shortest window of dates: one block and a neighbour
+FEWEST = 4  # open days that a window of dates at least holds, and leaves out: one block and a neighbour
 
 
 def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
     """Return first day, end and log prior of the windows of a kind; the whole season comes first."""
     first, end = np.triu_indices(days + 1, FEWEST)
     kinds = {"all": first < 0, "from": end == days, "until": first == 0, "between": first >= 0}
-    inside = kinds[dates] & ((first > 0) | (end < days))
+    inside = kinds[dates] & (end - first <= days - FEWEST)
     a, b = first[inside], end[inside]
     one_end = (a == 0) | (b == days)
     prior = np.empty(len(a))
@@ -310,7 +310,7 @@ def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window
         for by, to in moves:
             a, b = first + by, end + to
             inner = min(first, a) > 0 if by else max(end, b) < len(open_days)
-            if inner and b - a >= FEWEST:
+            if inner and FEWEST <= b - a <= len(open_days) - FEWEST:
                 found.append((_dates(record, open_days, a, b), hours))
     return found
 
