@@ -559,12 +559,15 @@ class Study:
         wanted = Counter(self.sure or self.group[:1])
         if not wanted:
             return self.first
-        for one, _ in self.ranking:
+
+        def excess(one: Explanation) -> tuple[bool, int]:
+            """Return whether more is material or unknown, and otherwise the number of effects."""
             names, unknown = self.core(one)
-            if Counter(names) == wanted and not unknown:
-                return aligned(one, self.record, self.opened, self.split.block)
+            more = bool(unknown) or Counter(names) != wanted
+            return more, 0 if more else len(one.names)
+
         able = [one for one, _ in self.ranking if wanted <= Counter(self.core(one)[0])]
-        return aligned(able[0], self.record, self.opened, self.split.block)
+        return aligned(min(able, key=excess), self.record, self.opened, self.split.block)
 
     @cached_property
     def steps(self) -> tuple[Explanation, ...]:

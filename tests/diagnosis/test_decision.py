@@ -172,7 +172,7 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert study.core(small) == (("leakage",), "") and study.core(both)[0] == ("leakage", "wave_attenuation")
     assert study.chance_of("leakage") == pytest.approx(p[1:].sum())
     assert study.chance_of("outflow_lag") == 0.0
-    assert study.sure == ("leakage",) and study.last is small and study.steps == (one, small)
+    assert study.sure == ("leakage",) and study.last is one and study.steps == (one,)
     assert study.group == ("leakage",)
     assert not study.contradicted
 
