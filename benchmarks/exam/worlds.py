@@ -34,6 +34,8 @@ RIVERS = 0.08
 BOXES = 64
 """Number of boxes. Level changes between samples agree with those of 256 boxes to 0.6 to 1.5 mm (rms, four
 worlds); those of 256 boxes agree with rivid's explicit scheme in 96 cells to 0.1 to 0.5 mm."""
+CELLS = 120
+"""Cells of a channel: more than the diagnosis simulates, so that the errors of its grid are not in the data."""
 WIDEST = 0.35
 """Largest range of the level over the depth. A reach with a larger range is no pool with a set point."""
 
@@ -151,7 +153,7 @@ def draw(seed: int, attempt: int = 0) -> World:
     if kind != "linear":
         table["channel"] = {
             "bed_level": level - depth - 0.5 * fall, "slope": fall / length,
-            "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": 120,
+            "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": CELLS,
             "width_modes": rng.normal(0.0, (0.12, 0.08, 0.05, 0.03)).tolist(),
             "bed_modes": (0.05 * depth * rng.normal(size=3)).clip(-1, 1).tolist(),
             "manning_modes": rng.normal(0.0, (0.1, 0.08, 0.06)).tolist(),
