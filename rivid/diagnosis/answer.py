@@ -100,15 +100,15 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         shown += f" ({factor * gap.rmse_described[1]:.3g} {unit} with the events of these days)"
     named = study.sure or study.group
     if not named:
-        if study.unfit:
-            return "unknown", (
-                "No response describes this reach: fronts are early or late by a third of a sample or more. "
-                "Check length, width and depth in the configuration."
-            )
         nothing = study.chance(lambda names, unknown: not names and not unknown)
         p, first = study.chance_of(study.names[0]) if study.names else 0.0, ""
         if p >= 1.0 - ALONE:
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
+        if study.unfit:
+            return "unknown", (
+                "No response describes this reach: fronts are early or late by a third of a sample or "
+                f"more{first}. Check length, width and depth in the configuration."
+            )
         if study.unknown < UNKNOWN and nothing < max(p, study.unknown):
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
