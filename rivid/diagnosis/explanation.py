@@ -195,7 +195,7 @@ def fitted(
     else:
         defect = start.defect[open_days]
         base = model.rough.baseline(few) + defect
-    exact = start is None  # whether the defect is that of the present values; `corrected`: nearly that
+    exact = start is None  # whether the defect is that of the present values
     z = residual_of(few, base) - fixed
     shared = None if start is None else start.shared
     J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
@@ -250,7 +250,7 @@ def fitted(
         del J
         J, shared, stale, fresh = model.jacobian(few, base - defect), None, False, fresh - 1
         damping = LEAST_DAMPING
-    if not (exact or corrected):
+    if not exact:
         base, defect = model.fine(few)
         z = residual_of(few, base) - fixed
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
