@@ -16,7 +16,6 @@ from rivid.diagnosis.decision import (
     THIRD,
     aligned,
     block_sums,
-    harmless,
     is_material,
     leading,
     ranked,
@@ -400,11 +399,10 @@ def test_an_unknown_counts_where_it_is_larger_than_weather():
 def test_a_name_that_makes_forecasts_worse_does_not_compete():
     nothing = explained()
     bent = [MUCH, MUCH, MUCH, -2.0 * MATERIAL]  # while another effect is missing
-    for removes, competes, extended in ((-0.5, True, True), (-2.0, False, False), (bent, False, True)):
+    for removes, competes in ((-0.5, True), (-2.0, False), (bent, True)):
         some = bent if removes is bent else np.where(np.arange(4) > 0, removes * MATERIAL, MUCH)
         one = explained("leakage", 9.0, some, parent=nothing)
         assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
-        assert harmless(one, nothing, OPEN, BLOCK, whole=True) == extended
 
 
 def test_an_effect_gains_no_more_beside_another_where_something_unknown_is_likeliest():
