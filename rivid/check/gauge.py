@@ -110,11 +110,15 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int, ste
         flow = np.concatenate(flows)[-len(day) - late :] if len(flows) > 1 else np.roll(day["u_Qi"], late)
         due = fit.gain_in * float(np.ptp(flow[first:last]))
         return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(day[record.output].mean()))
-    moved = np.roll(day["u_Qi"], max(late, 0)) - day["u_Qo"]
-    moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
-    volume = np.cumsum(moved - moved.mean())[first:last] * step
     gain = 0.5 * (fit.gain_in - fit.gain_out) if fit.explained >= BELIEVED else 1 / record.area[0]
-    return float(np.ptp(volume)) * gain > (STEPS + steps) * max(record.resolution, 1e-3)
+    late = max(late, 0)
+    volumes = []
+    # the least that they imply: an inflow may still be on its way, and the balance closes, or over the day
+    for lag in range(late, max(late, min(round(fits.longest / step), len(day) - 1)) + 1):
+        moved = np.roll(day["u_Qi"], lag) - day["u_Qo"]
+        moved[:lag] = moved[lag]
+        volumes += [np.ptp(np.cumsum(moved - rest)[first:last]) * step for rest in (0.0, moved.mean())]
+    return float(min(volumes)) * gain > (STEPS + steps) * max(record.resolution, 1e-3)
 
 
 def _jumps(record: Record, still: Spells, seams: Collection[dt.date]) -> list[Finding]:

@@ -14,7 +14,16 @@ from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.report.summary import SPREAD_OUT, facts, leading, reasons, torrents
+from rivid.report.summary import (
+    SPREAD_OUT,
+    LastWeek,
+    facts,
+    last_week,
+    leading,
+    reasons,
+    stepped,
+    torrents,
+)
 from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage, rounded
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
@@ -46,10 +55,12 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
     results = brief_results(summary.rows, config)
     # a name of more than 14 letters indents its own line only
     width = min(max((len(name) for name in summary.counts), default=0), 14)
+    recent = None if config.run.window else last_week(results)  # weeks are of whole days
     for e in results.estimators:
         counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
         click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
-        for line in _numbers(results, e, noun):
+        moved = _moved(recent, results.sample_time) if recent and e is recent.estimator else []
+        for line in [*_numbers(results, e, noun), *moved]:
             click.echo(wrap(line, width + 4))
     if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
         click.echo(wrap(doubt, 2))
@@ -124,6 +135,20 @@ def _numbers(results: Results, e: EstimatorResults, noun: str) -> list[str]:
     for reason, times in reasons(e, e.at_bound & np.isnan(e.delay)):
         lines.append(f"outside the searched delays on {count(times, noun)}: {reason}")
     return lines
+
+
+def _moved(recent: LastWeek, T_s: float) -> list[str]:
+    """What the delay, or t50, is now and was before, where it has moved as the report of the run has it."""
+
+    def said(median: float) -> str:
+        return samples_first([median], T_s) if recent.quantity == "delay" else duration([median * T_s])
+
+    name = {"t50": "t50", "travel": "travel time"}.get(recent.quantity, "delay")
+    if (t := recent.trend) and t["moved"]:
+        return [f"{name} moved: {said(t['now'])} in the last week, {said(t['before'])} before"]
+    if found := stepped(recent):
+        return [f"{name} moved: {said(found[2])} since {found[0]}, {said(found[1])} before"]
+    return []
 
 
 def print_json(summary: Summary, with_days: bool) -> None:

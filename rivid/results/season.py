@@ -177,12 +177,17 @@ def _river_answer(days: SeasonDays, p: Floats, t50: Floats) -> tuple[Floats, Flo
 def law_of(days: SeasonDays) -> DelayLaw:
     """Fit the law to the travel times of the days alone, in seconds.
 
-    Days have equal weights: within a sample a table of probabilities does not resolve the travel time, which
-    would count as an error of a third of a sample that no day has. The scatter about the law includes the
-    errors of the days, so the interval of a single day is rather wide. The doubt of stamps that are not
-    declared is added to the intervals of times: it is common to all days.
+    In a pool the fraction of a sample counts as far as it follows the discharge. On a river a profile over
+    many samples shows the fraction of t50. The scatter about the law includes the errors of the
+    days, so the interval of a single day is rather wide. The doubt of stamps that are not declared is added
+    to the intervals of times: it is common to all days.
     """
-    law = delay_law(days.discharge, days.travel, day=np.array([day.toordinal() for day in days.dates]))
+    samples: dict[str, Any] = {}
+    if not days.river:
+        edges = days.sample_time * np.r_[days.candidates, days.candidates[-1] + 1]
+        samples = {"probability": days.probability, "edges": edges}
+    ordinals = np.array([day.toordinal() for day in days.dates])
+    law = delay_law(days.discharge, days.travel, day=ordinals, **samples)
     long, short = days.doubt
     t = law.table
     table = replace(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.check import check_days
-from tests.check.season import held, raised, sound, the_one
+from tests.check.season import STEP, held, raised, sound, the_one
 
 
 def with_day(days, k, **columns):
@@ -38,6 +38,24 @@ def test_a_stuck_gauge_that_flickers_by_one_step():
     finding = the_one(flickering, config, "stuck", when=slice(8, 11))
     for of_day in finding.days.values():
         assert sum(item["duration_s"] for item in of_day["items"]) > 12 * 3600
+
+
+@pytest.mark.parametrize("rise", [False, True], ids=["equal flows", "an inflow on its way"])
+def test_a_level_that_the_flows_do_not_move_yet_is_not_stuck(rise):
+    """The flows are equal from 1 to 7 h, on a day that fills the pool; or the inflow rises at the end."""
+    days, config = sound(15)
+    day, n = days[9], len(days[9].inflow)
+    hour = np.arange(n) * STEP / 3600.0
+    quiet, late = (hour >= 1.0) & (hour < 7.0), (hour >= 10.0) & (hour < 20.0)
+    inflow, outflow = np.where(quiet, day.outflow[hour < 1.0][-1], day.inflow), day.outflow.copy()
+    outflow[quiet] = inflow[quiet]
+    if rise:
+        inflow[quiet & (hour >= 6.8)] += 150.0
+    else:
+        inflow[late] += 15.0
+    (quiet_day,) = held([replace(day, inflow=inflow, outflow=outflow)], 0, 1, 7)
+    days = [quiet_day if k == 9 else day for k, day in enumerate(days)]
+    assert not [one for one in check_days(days, config) if one.kind == "stuck"]
 
 
 def test_a_gauge_that_is_freed_at_midnight_makes_no_jump():

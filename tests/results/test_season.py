@@ -222,8 +222,11 @@ def test_the_law_is_the_cores_and_holds_what_was_planted(seed, tmp_path):
     out = made(tmp_path / "out", T, Q)
     assert rivid("season", out, "-q")[0] == 0
     said = json.loads((out / "delay_law.json").read_text())
-    core = delay_law(Q, T_S * T)
+    p = read_days(out, record_of(out)).probability
+    core = delay_law(Q, T_S * T, probability=p, edges=T_S * np.arange(1.0, 17.0))
     assert (said["T0"], said["b"], said["Q0"]) == pytest.approx((core.T0, core.b, core.Q0), rel=1e-12)
+    plain = delay_law(Q, T_S * T)
+    assert (core.b, core.b_high) == pytest.approx((plain.b, plain.b_high), rel=1e-3)
     assert said["status"] == "ok" and said["quantity"] == "travel time"
     sd = (said["b_high"] - said["b_low"]) / 3.29
     assert abs(said["b"] - 0.3) < 4.0 * sd and sd < 0.02

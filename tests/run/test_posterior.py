@@ -3,6 +3,7 @@
 import csv
 import datetime as dt
 import json
+import re
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,7 +16,7 @@ from rivid.core.posterior.river import posterior_river
 from rivid.core.settings import GUARD, PosteriorSettings, RiverSettings, lags_of
 from rivid.errors import RividError
 from rivid.results.read import load_delays, load_results
-from tests.daily import FIRST, a_day, write_days
+from tests.daily import FIRST, a_day, text_of, write_days
 from tests.run.test_estimators import deviations, estimator, open_loop, regulated, write
 from tests.run.test_run import rivid
 
@@ -252,3 +253,19 @@ def test_a_length_that_is_ten_times_too_short_is_doubted(logs, tmp_path):
         file.write("[posterior]\nd_max = 4\n")
     rivid(*given, "--out", tmp_path / "b")
     assert "check length, width and depth in [reach]" in rows_of(tmp_path / "b")[0]["message"]
+
+
+def test_the_terminal_states_a_step_of_the_delay_with_its_date(tmp_path):
+    """Regression: a clock that was changed in the fourth week was "delay 5 or 8 samples" alone."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    dates = [FIRST + dt.timedelta(days=k) for k in range(40)]
+    for k, date in enumerate(dates):
+        (logs / f"{date}.csv").write_text(text_of(date, delay=5 if k < 26 else 8), encoding="utf-8")
+    asked = ("run", logs, "--out", tmp_path / "out", "--no-figures", "--estimator", "posterior")
+    said = " ".join(rivid(*asked)[1].split())
+    assert re.search(
+        rf"delay moved: \d samples \([^)]*\) since {dates[26]}, \d samples \([^)]*\) before", said
+    ), said
+    few = " ".join(rivid(*asked[:3], tmp_path / "few", *asked[4:], "--to", dates[20])[1].split())
+    assert "posterior" in few and "moved" not in few

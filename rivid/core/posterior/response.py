@@ -15,7 +15,7 @@ from functools import lru_cache
 from math import sqrt
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, isotonic_regression
 from scipy.special import log_ndtr, ndtr
 
 from rivid.core.settings import GUARD, RiverSettings, lags_of
@@ -166,11 +166,13 @@ def hastened(u: Floats, middle: float, lead: float) -> Floats:
     """u with its high water sooner: u(t) moves to ``t - lead ln(u / middle)``, shape (N,).
 
     The discharge `middle` keeps its time, e times as much arrives `lead` samples sooner. Water does not
-    overtake: a rise steepens into a front, and no further.
+    overtake: a rise steepens into a front, which arrives at the mean of the times of its discharges, so that
+    no water is lost.
     """
     if lead == 0.0 or middle <= 0.0:
         return u
     k = np.arange(len(u), dtype=float)
     moved = k - lead * np.log(np.maximum(u, 0.1 * middle) / middle)
-    moved = np.maximum.accumulate(moved + 1e-6 * k)
+    rise = np.abs(np.gradient(u)) + 1e-6 * middle
+    moved = isotonic_regression(moved, weights=rise).x + 1e-6 * k
     return np.asarray(np.interp(k, moved, u), float)
