@@ -278,7 +278,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 7  # raised when the same input and settings give another row: old rows are computed again
+METHOD_VERSION = 8  # raised when the same input and settings give another row: old rows are computed again
 
 SHARD_PATIENCE = 20.0  # time a shard waits for others to begin [s]: each holds the lock for a moment
 
