@@ -553,14 +553,18 @@ class Study:
         if not wanted:
             return self.first
 
-        def excess(one: Explanation) -> tuple[bool, int]:
-            """Return whether more is material or unknown, and otherwise the number of effects."""
+        def more(one: Explanation) -> bool:
+            """Return whether more is material, or unknown."""
             names, unknown = self.core(one)
-            more = bool(unknown) or Counter(names) != wanted
-            return more, 0 if more else len(one.names)
+            return bool(unknown) or Counter(names) != wanted
 
         able = [one for one, _ in self.ranking if wanted <= Counter(self.core(one)[0])]
-        return aligned(min(able, key=excess), self.record, self.opened, self.split.block)
+        one = min(able, key=more)
+        # Immaterial effects are left out, unless what is fitted with them removes a material share.
+        bare = min((o for o in able if not more(o)), key=lambda o: len(o.names), default=one)
+        if not removed(one, bare, self.opened, self.split.block).any():
+            one = bare
+        return aligned(one, self.record, self.opened, self.split.block)
 
     @cached_property
     def steps(self) -> tuple[Explanation, ...]:
