@@ -175,7 +175,7 @@ def fitted(
     steps: int = STEPS,  # maximum number of steps
     fresh: int = 0,  # maximum number of recomputations of the columns
     enough: float = ENOUGH,  # the fit ends when a step with new columns gains less [nats]
-    rough: bool = False,  # whether the final noise is fitted from that of the last step alone
+    quick: bool = False,  # whether the final noise is fitted from that of the last step alone
 ) -> Explanation:
     """Fit a model and its noise to the open days (days,), starting at the model's values.
 
@@ -253,7 +253,7 @@ def fitted(
     if not exact:
         base, defect = model.fine(few)
         z = residual_of(few, base) - fixed
-    noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
+    noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=quick)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
         rest = record.take(sealed)
@@ -413,7 +413,7 @@ def fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Explana
     def fit(model: Model, noise: NoiseModel | None = None) -> Explanation | RividError:
         try:
             model = replace(model, noise=model.noise or noise)
-            return fitted(model, record, every, fresh=fresh, rough=True)
+            return fitted(model, record, every, fresh=fresh, quick=True)
         except RividError as error:
             return error
 
