@@ -182,7 +182,9 @@ def fitted(
     `start` may be a fit of a similar model: its columns of the response's parameters and, for the first
     steps, its noise and weights are used. Otherwise columns are computed, and the noise fitted, at the start.
     Columns are recomputed after the first step, and when a step gains less than `enough` or
-    :data:`RELIABLE` of its predicted gain. Raises RividError if the reach cannot carry the flows.
+    :data:`RELIABLE` of its predicted gain. In a step the output changes as that of the cheaper response
+    (:attr:`Response.rough`) does; what the costly one adds is computed with new columns and before the end.
+    Raises RividError if the reach cannot carry the flows.
     """
     p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
