@@ -65,7 +65,7 @@ PLACE = 0.15
 GRID = 25, 25, 13
 """Points of the grid in ln T0, b and ln scatter, of which each round keeps what matters."""
 
-FINE = 2000
+FINE = 1000
 """Travel times at which the likelihood of a day is computed; in between it is interpolated."""
 
 ROUNDS = 12
@@ -114,7 +114,7 @@ def shown(days: Days, share: float) -> Likelihood:
         whole = np.floor(T) if share < 1.0 else T - 0.5
         q = np.maximum(whole + centre + share * (T - whole - 0.5), 1e-3)
         z = (np.log(days.T[rows]) - np.log(q)[:, None]) / s
-        return np.asarray(np.log(_pdf(z)) - np.log(s * days.T[rows]))
+        return np.asarray(_log_pdf(z) - np.log(s * days.T[rows]))
 
     return log_likelihood
 
@@ -130,7 +130,7 @@ def hidden(days: Days) -> Likelihood:
     count, around = np.fft.rfft(np.bincount(at, minlength=FRACTIONS)), np.arange(FRACTIONS) / FRACTIONS
     tried = []
     for width in np.geomspace(SCATTERS[0], SCATTERS[1], 12):
-        kernel = _pdf(np.minimum(around, 1.0 - around) / width)
+        kernel = np.exp(_log_pdf(np.minimum(around, 1.0 - around) / width))
         kernel *= FRACTIONS / kernel.sum()
         others = np.fft.irfft(count * np.fft.rfft(kernel), FRACTIONS)[at] - kernel[0]
         tried.append(np.log(np.maximum(others / max(len(at) - 1, 1), 1e-12)))
@@ -150,9 +150,9 @@ def hidden(days: Days) -> Likelihood:
     return log_likelihood
 
 
-def _pdf(z: Floats) -> Floats:
-    """Density of Student's t of 4."""
-    return np.asarray(0.375 * (1.0 + z * z / TAILS) ** -2.5)
+def _log_pdf(z: Floats) -> Floats:
+    """Log density of Student's t of 4."""
+    return np.asarray(np.log(0.375) - 2.5 * np.log1p(z * z / TAILS))
 
 
 def posterior(days: Days, log_likelihood: Likelihood) -> Posterior:
