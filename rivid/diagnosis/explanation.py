@@ -197,7 +197,8 @@ def fitted(
     else:
         defect = start.defect[open_days]
         base = model.rough.baseline(few) + defect
-    exact = start is None  # whether the defect is that of the present values
+    cheap = model.rough is not model
+    exact = start is None or not cheap  # whether the defect is that of the present values
     z = residual_of(few, base) - fixed
     shared = None if start is None else start.shared
     J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
@@ -233,7 +234,7 @@ def fitted(
             if fell > 0.0:
                 moved = _values(other) - _values(model)
                 J = _secant(J, moved / sd, sd, base_other - base)
-                model, z, base, exact = other, z_other, base_other, False
+                model, z, base, exact = other, z_other, base_other, not cheap
                 damping = max(damping / 8.0, LEAST_DAMPING)
                 break
             damping = max(8.0 * damping, 1e-2)
@@ -242,11 +243,13 @@ def fitted(
         if same and step < FIXED or fell >= least and (step > 0 or fresh == 0):
             stale, corrected = True, False
             continue
-        if (fresh == 0 or not stale and fell < enough) and (exact or corrected):
+        ended = fresh == 0 or not stale and fell < enough
+        if ended and (exact or corrected):
             break
-        (base, defect), exact = model.fine(few), True
-        z = residual_of(few, base) - fixed
-        if fresh == 0 or not stale and fell < enough:
+        if not exact:
+            (base, defect), exact = model.fine(few), True
+            z = residual_of(few, base) - fixed
+        if ended:
             corrected = True
             continue
         del J
