@@ -138,16 +138,16 @@ def _numbers(results: Results, e: EstimatorResults, noun: str) -> list[str]:
 
 
 def _moved(recent: LastWeek, T_s: float) -> list[str]:
-    """What the delay, or t50, is now and was before, where it has moved as the report of the run has it."""
+    """Return a line with the delay, or t50, now and before, if the report of the run has it moved."""
 
-    def said(median: float) -> str:
+    def shown(median: float) -> str:
         return samples_first([median], T_s) if recent.quantity == "delay" else duration([median * T_s])
 
     name = {"t50": "t50", "travel": "travel time"}.get(recent.quantity, "delay")
     if (t := recent.trend) and t["moved"]:
-        return [f"{name} moved: {said(t['now'])} in the last week, {said(t['before'])} before"]
+        return [f"{name} moved: {shown(t['now'])} in the last week, {shown(t['before'])} before"]
     if found := stepped(recent):
-        return [f"{name} moved: {said(found[2])} since {found[0]}, {said(found[1])} before"]
+        return [f"{name} moved: {shown(found[2])} since {found[0]}, {shown(found[1])} before"]
     return []
 
 

@@ -176,6 +176,17 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert not study.contradicted
 
 
+@pytest.mark.parametrize(("more", "kept"), [(0.5 * MATERIAL, False), (2.0 * MATERIAL, True)])
+def test_an_immaterial_effect_stays_beside_the_names_where_the_errors_are_smaller_with_it(more, kept):
+    """As with the course of a size that was fitted beside it."""
+    nothing = explained()
+    one = explained("leakage", 6.0, MUCH, parent=nothing)
+    small = explained("outflow_lag", 0.5, more, parent=one)
+    study = study_of(nothing, one, small)
+    study.found[small] = ("leakage",), ""
+    assert study.sure == ("leakage",) and study.last is (small if kept else one)
+
+
 def test_no_name_stands_whose_error_grows_at_all_horizons_on_the_sealed_days():
     """However the blocks scatter: one of them is twice as wrong, the others a little better."""
     nothing, first = explained(), SPLIT.sealed & (BLOCK == BLOCK[SPLIT.sealed][0])
@@ -424,17 +435,21 @@ def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effect
     )
 
 
+@pytest.mark.parametrize("ratio", [0.0, 1.3, 1.5])
 @pytest.mark.parametrize("left", [0.2, 0.5, 0.6, 0.8])
 @pytest.mark.parametrize("name", ["clock_offset", "leakage"])
-def test_a_timing_that_leaves_a_share_of_the_misfit_is_tied_with_its_twin(name, left):
-    """Regression: a clock explained three quarters of ice on a river, and led the ice itself by 31 nats."""
+def test_a_timing_that_leaves_a_share_of_the_misfit_is_tied_with_its_twin(name, left, ratio):
+    """Regression: a clock explained three quarters of ice on a river, and led the ice itself by 31 nats.
+
+    And an outflow lag with three times the misfit of a clock was tied with it, 9,500 nats behind.
+    """
     twin = {"clock_offset": "ice_cover", "leakage": "gate_head_effect"}[name]
     nothing = explained(noise=replace(QUIET, misfit=1.0))
     lead = explained(name, 50.0, MUCH, parent=nothing, noise=replace(QUIET, misfit=left))
-    other = explained(twin, 30.0, MUCH, parent=nothing)
+    other = explained(twin, 30.0, MUCH, parent=nothing, noise=replace(QUIET, misfit=ratio * left))
     chances = {one.names: p for one, p in study_of(nothing, lead, other).ranking}
     tied = chances[twin,] > 0.9 * chances[name,]
-    assert tied == (name == "clock_offset" and MATERIAL < left**2 <= 0.5)
+    assert tied == (name == "clock_offset" and MATERIAL < left**2 <= 0.5 and ratio**2 <= 2.0)
 
 
 def test_two_effects_that_predict_worse_than_one_are_less_probable():

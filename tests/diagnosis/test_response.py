@@ -17,12 +17,13 @@ from rivid.diagnosis.response.base import (
     slopes_by_differences,
     vector_of,
 )
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import CELLS, RiverResponse, rates
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
-from rivid.reach.saint_venant import Channel, backwater_lift, simulate
+from rivid.reach.saint_venant import Channel, arrival_time, backwater_lift, simulate
 from tests.diagnosis.responses import DEPTH, few, nominal, one_row, river_record, season
 
 rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
@@ -51,6 +52,18 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
         added = np.cumsum(flow.nudge[:-1] * np.diff(record.time[day]))
         level = flow.level - np.append(0.0, added)
         np.testing.assert_allclose(response.baseline(record)[day], level, atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [2000.0, 5000.0, 9000.0])
+def test_a_wave_passes_a_cell_in_a_twelfth_of_a_sample_within_limits(length):
+    response = HydraulicResponse.nominal(length, 80.0, 4.9, 130.0, sample_time=100.0, flow=300.0)
+    cell = float(arrival_time(response.channel, [response.flow], [response.level])[0]) / response.cells
+    assert response.cells == (48 if length == 2000.0 else 96 if length == 9000.0 else response.cells)
+    if length == 5000.0:
+        assert 48 < response.cells < 96 and cell == pytest.approx(100.0 / 12.0, rel=0.02)
+    rough = response.rough
+    assert rough.cells == 24 and rough.rough is rough
+    np.testing.assert_array_equal(vector_of(rough), vector_of(response))
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -305,9 +305,11 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
     assert extended == [first.names, small.names] + found * [both.names]
 
 
-@pytest.mark.parametrize("named", [True, False])
-def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named):
+@pytest.mark.parametrize(("named", "likelier"), [(True, False), (False, False), (False, True)])
+def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named, likelier):
+    """Regression: a likelier immaterial effect was not extended, and counted for nothing missing."""
     first = explained()
+    small = explained("flow_dependent_delay", 9.0, parent=first)
     parent = explained("leakage", 9.0, parent=first) if named else first
     waves = SimpleNamespace(
         names=parent.names, effects=(*parent.effects, RecurringFlow(waves=(1.0,) * 6)), unknown="flow",
@@ -318,7 +320,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
         pool = (first, waves)
         score = staticmethod(lambda one: 0.0)
         begun = staticmethod(lambda: [first])
-        ordered = staticmethod(lambda: [first])
+        ordered = staticmethod(lambda: [small if likelier else first])
         study = staticmethod(lambda: extended)
         lead = staticmethod(lambda: first if len(extended) > 1 else waves)
         extend = staticmethod(lambda one: extended.append(one.names) or one)
@@ -331,7 +333,38 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
 
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
     find_effects(pools.season(6, DAYS, (), T_S), (), {})
-    assert extended == [first.names] + named * [waves.names]
+    assert extended == [first.names] + named * [waves.names] + likelier * [small.names]
+
+
+def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeypatch):
+    """Regression: where a parent was refitted, its extensions were sought at the earlier fit."""
+    first, better = explained(), explained(nats=1.0)
+    asked = []
+
+    class Search:
+        pool = (first, better)
+        score = staticmethod(lambda one: 0.0)
+        begun = staticmethod(lambda: [first])
+        ordered = staticmethod(lambda: [better])
+        extend = staticmethod(lambda one: better)
+        lead = staticmethod(lambda: better)
+        study = staticmethod(lambda: asked)
+
+        def __init__(self, *given):
+            pass
+
+        def again(self, parent):
+            asked.append(parent)
+            return parent
+
+        likeliest = again
+
+        def __getattr__(self, name):
+            return lambda one, *more: one
+
+    monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
+    find_effects(pools.season(6, DAYS, (), T_S), (), {})
+    assert asked == [better, better]
 
 
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
