@@ -183,7 +183,7 @@ def short_pool(seed, days=4, T_s=168.0):
     return made, truth, as_record(dates, T_s * np.arange(n), *columns, sample_time=T_s, lead=40)
 
 
-@sizes("seeds", 2, 10)
+@sizes("seeds", 1, 10)
 def test_a_short_pool_settles_where_local_steps_end_in_another_maximum(seeds):
     behind = []
     for seed in range(seeds):
