@@ -70,7 +70,7 @@ VERDICTS: dict[str, str] = {
     "explained": "What was missing is named and added.",
     "partly_explained": "Part of what was missing is named and added; more is missing.",
     "cannot_tell": "Something is missing; several effects explain it equally well.",
-    "unknown": "Something is missing, and it is none of the effects known here.",
+    "unknown": "Something is missing, and no effect of the catalogue is probable enough to be named.",
     "did_not_hold": "What the fitted days show does not hold on the days kept apart.",
     "insufficient_data": "These data are too few for a verdict.",
 }

@@ -169,6 +169,7 @@ def find_effects(
                 break
             small = True
         parent = lead
+    search.level_twins()
     report(1.0, "the sealed days")
     return search.study()
 
@@ -623,6 +624,16 @@ class _Search:
                 self._latent(rival, latent)
             elif not latent and lead.way is not None and lead.way.name not in others:
                 self._grow(rival, [lead.way])
+
+    def level_twins(self) -> None:
+        """Refit what is confounded with a probable explanation from the response of this one."""
+        # A round that extends one of two twins alone refits its response, which can be worth tens of nats.
+        before = leading(self.pool, self.opened)
+        chances = ranked(before, self.opened, self.dealt.block, ended=False).tolist()
+        for one in (one for one, p in zip(before, chances, strict=True) if p >= 1.0 - ALONE):
+            same = [o for o in before if o.count == one.count and o.unknown == one.unknown]
+            same = [o for o in same if o.model.reach.name == one.model.reach.name and alike(o, one)]
+            self._polished(same, one)
 
     def varied(self, lead: Explanation) -> Explanation:
         """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""

@@ -396,6 +396,22 @@ def test_rivals_of_what_a_lead_extends_get_its_effect_from_their_own_model():
     assert given == [(rival, [way])]
 
 
+def test_twins_of_what_is_probable_are_refitted_from_its_response():
+    """Regression: a round raised one of two twins by 12 nats of the response; it was sure, and wrong."""
+    nothing = explained()
+    lead = explained("inflow_gain_error", 9.0, 0.5, parent=nothing)
+    twin = explained("outflow_gain_error", 8.0, 0.5, parent=nothing)
+    other = explained("wind_setup", 7.0, 0.5, parent=nothing)
+    also = explained("outflow_gain_error", 1.0, 0.5, parent=nothing, unknown="gauge")
+    refitted = []
+    search = SimpleNamespace(
+        pool=[nothing, lead, twin, other, also], opened=OPEN, dealt=SPLIT,
+        _polished=lambda many, near: refitted.extend((one, near) for one in many),
+    )  # fmt: skip
+    _Search.level_twins(search)
+    assert (twin, lead) in refitted and {one for one, _ in refitted} <= {lead, twin}
+
+
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
     start, end = (pools.season(5, DAYS, T_s=T_S).dates[i] for i in (5, 15))
     hidden = CATALOGUE["unlogged_upstream_release"](size=40.0, dates=(start, end), hours=(6.0, 12.0))

@@ -253,6 +253,19 @@ def test_each_parameter_of_the_noise_has_a_name_in_words():
     assert {field.name for field in dataclasses.fields(NoiseModel)} <= set(NOISE)
 
 
+@pytest.mark.parametrize(("unknown", "words"), [(0.6, "none of the effects"), (0.1, "probable enough")])
+def test_only_a_probable_unknown_cause_is_none_of_the_effects_in_the_catalogue(unknown, words):
+    """Regression: four tied effects with 0.92 together were "none of the effects in the catalogue"."""
+    ranking = (
+        Ranked(("lateral_inflow",), None, "saint-venant", 0.9 - unknown, 20.0, True),
+        Ranked((), "flow", "saint-venant", unknown, 2.0, True),
+    )
+    found = Unknown(Where(), 1.4, ("an unlogged flow of 1.4 m3/s",), 9.0)
+    answer = diagnosis("unknown", effects=(), unknown=found, ranking=ranking)
+    assert headline(answer).endswith("of the catalogue is probable enough to be named.") == (unknown < 0.5)
+    assert words in headline(answer) and "\n" not in headline(answer)
+
+
 def test_of_many_explanations_the_likeliest_and_nothing_and_unknown_remain():
     def one(names, unknown, probability):
         return Ranked(names, unknown, "saint-venant", probability, 0.0, True)
