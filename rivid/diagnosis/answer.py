@@ -213,8 +213,8 @@ def _small(study: Study) -> tuple[str, ...]:
             factor, unit = shown_in(size.unit, study.record.kind == "river")
             about = f", {_words(size.name)} about {factor * size.value:.3g} {unit},"
         found.append(
-            f"{_words(name).capitalize()}{about} improves the fit with a probability of {p:.2f}, and changes "
-            "the error too little to matter: it may stand for what the response lacks."
+            f"{_words(name).capitalize()}{about} improves the fit with a probability of {p:.2f}, and is "
+            "too small to be named: it may stand for what the response lacks."
         )
     return tuple(found)
 

@@ -348,15 +348,18 @@ class Study:
         # A response error can resemble the difference of two confounded effects with the same sign on all
         # days, so that no scatter reveals it. The score of unknown dynamics above that of `lead` shows its
         # size, and so does the front misfit that remains beside an effect on timing.
-        flexible = [self.score(o) for o in self.pool if o.unknown == "dynamics"]
         behind = self.score(lead) - self.score(one)
-        missed = max(flexible, default=-np.inf) - self.score(lead)
-        twin = alike(one, lead) and (behind < missed or self._partly_right(lead, one))
+        twin = alike(one, lead) and (behind < self._missed(lead) or self._partly_right(lead, one))
         if one.unknown != lead.unknown or behind <= HAIR or not (twin or self._balances(one, lead)):
             return one
         density = lead.density - HAIR / float(self.opened.sum())
         prior = min(one.log_prior, lead.log_prior)
         return replace(one, density=density, log_prior=prior, parent=lead.parent, inflation=lead.inflation)
+
+    def _missed(self, one: Explanation) -> float:
+        """Return the score of unknown dynamics above that of `one`: what its response lacks on all days."""
+        flexible = (self.score(o) for o in self.pool if o.unknown == "dynamics")
+        return max(flexible, default=-np.inf) - self.score(one)
 
     def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
         """Return whether a timing effect that `other` lacks removes most of the front misfit, not all."""
@@ -444,6 +447,8 @@ class Study:
         """Return whether an effect of an explanation is material compared with one without it."""
         if effect.found_as == "swing":
             return self._swings(effect)
+        if self._like_response(one, effect, less) or self._within_stamps(one, effect):
+            return False
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
             return False
@@ -456,6 +461,24 @@ class Study:
         bare = [o for o in self.pool if o.names == less.names and o.unknown == less.unknown]
         own = [o for o in bare if o.model.reach.name == one.model.reach.name]
         return self._material(one, less, active, max(own, key=self.score, default=less))
+
+    def _like_response(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
+        """Return whether an effect at all times gains no more than the response error that is left."""
+        # It resembles such an error, which does not scatter. Of confounded effects the likeliest counts.
+        if effect.found_as or effect.dates or effect.hours:
+            return False
+        best = max((o for o in self.pool if o is one or alike(o, one)), key=self.score, default=one)
+        return self.score(best) - self.score(less) < self._missed(best)
+
+    def _within_stamps(self, one: Explanation, effect: Effect) -> bool:
+        """Return whether an effect at all times may move flows by less than half a sample."""
+        # Whether a log holds means or readings, and at which end of the sample, is not known better.
+        if effect.dates or effect.family != "timing":
+            return False
+        errors = next((one.errors_of(i) for i, e in enumerate(one.model.effects) if e is effect), {})
+        units = {key: spec.unit for key, spec in effect.parameters().items()}
+        sure = [abs(getattr(effect, key)) - 1.96 * se for (key, _), se in errors.items() if units[key] == "s"]
+        return bool(sure) and max(sure) < 0.5 * self.record.sample_time
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Return whether an added unknown flow, event or swing makes a material share of the error."""

@@ -2,6 +2,7 @@
 
 import datetime as dt
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rivid.diagnosis.decision import (
     DOUBT,
     MATERIAL,
     THIRD,
+    Study,
     aligned,
     block_sums,
     is_material,
@@ -30,7 +32,8 @@ from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.result import Unknown, Where
 from rivid.diagnosis.search import with_events
 from rivid.effects import CATALOGUE, changes_of
-from rivid.effects.flow import PassingFlow
+from rivid.effects.flow import PassingFlow, SideStorage
+from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
 from tests import examples
 from tests.diagnosis import pools
 from tests.diagnosis.answers import evidence_of, gap_of
@@ -597,3 +600,33 @@ def test_the_ranking_has_what_matters_with_gain_and_materiality():
     (text,) = _small(study)
     assert "utflow lag" in text and "300 s" in text
     assert _small(study_of(nothing, flow)) == ()
+
+
+@pytest.mark.parametrize(
+    ("effect", "error", "within"),
+    [
+        (WaveAttenuation(spread=134.0), 20.0, True),
+        (WaveAttenuation(spread=190.0), 25.0, True),  # by its interval
+        (WaveAttenuation(spread=190.0), 15.0, False),
+        (OutflowLag(lag=900.0), 60.0, False),
+        (OutflowLag(lag=90.0, dates=(dt.date(2024, 5, 3), dt.date(2024, 5, 9))), 3.0, False),
+        (ClockOffset(offset=-60.0, dates=(dt.date(2024, 5, 3), dt.date(2024, 5, 9))), 3.0, False),
+        (SideStorage(), 1.0, False),
+    ],
+)
+def test_a_timing_effect_at_all_times_of_less_than_half_a_sample_is_not_named(effect, error, within):
+    """Regression: logs of readings, taken for means, had "wave attenuation, 134 s" in samples of 300 s."""
+    key = next(iter(effect.parameters()))
+    one = SimpleNamespace(model=SimpleNamespace(effects=(effect,)), errors_of=lambda _: {(key, None): error})
+    study = SimpleNamespace(record=SimpleNamespace(sample_time=300.0))
+    assert Study._within_stamps(study, one, effect) == within
+
+
+@pytest.mark.parametrize(("ahead", "named"), [(8.0, True), (10.0, False)])
+def test_what_acts_at_all_times_gains_more_than_the_response_error_that_it_leaves(ahead, named):
+    """Regression: a pond and attenuation took 15 mm of a gauge in the sun; unknown dynamics took more."""
+    nothing = explained()
+    pond = explained("side_storage", 9.0, MUCH, parent=nothing)
+    dynamics = explained("", 9.0 + ahead, unknown="dynamics")
+    assert study_of(nothing, pond).core(pond) == (("side_storage",), "")
+    assert study_of(nothing, pond, dynamics).core(pond) == (("side_storage",) * named, "")
