@@ -206,6 +206,7 @@ class GateDeadband(_Timing):
     """``the gate stays where it is while |command - gate| < band``."""
 
     name = "gate_deadband"
+    trial_dates = "between"
     sized_trials = {"band": (3.0, 8.0)}
     acts_on_river = False
     stepwise = ("band",)
@@ -226,6 +227,7 @@ class GateRateLimit(_Timing):
     """``|d gate / dt| <= rate``."""
 
     name = "gate_rate_limit"
+    trial_dates = "between"
     sized_trials = {"rate": (0.02, 0.08)}
     acts_on_river = False
     sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
