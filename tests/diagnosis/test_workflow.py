@@ -307,7 +307,7 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
 
 @pytest.mark.parametrize(("named", "likelier"), [(True, False), (False, False), (False, True)])
 def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named, likelier):
-    """Regression: the likeliest effect was not extended: an immaterial one, or a rating behind daily waves."""
+    """Regression: the likeliest effect was not extended: an immaterial one, a rating behind waves."""
     first = explained()
     small = explained("flow_dependent_delay", 9.0, parent=first)
     parent = explained("leakage", 9.0, parent=first) if named else first
