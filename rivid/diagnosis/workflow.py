@@ -163,9 +163,8 @@ def find_effects(
             break
         # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
         if (lead.names, lead.unknown) in extended or len(lead.effects) > len(lead.names) == len(start):
-            # An immaterial effect that is likelier hides what is material, and so do unknown waves: it shows
-            # beside the likeliest effect.
-            lead = next((one for one in search.ordered() if not one.unknown), lead)
+            # An immaterial effect that is likelier hides what is material: beside it, that shows.
+            lead = search.ordered()[0]
             if small or (lead.names, lead.unknown) in extended or lead.added is None or lead.unknown:
                 break
             small = True
