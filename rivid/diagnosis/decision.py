@@ -465,7 +465,7 @@ class Study:
     def _like_response(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
         """Return whether an effect at all times gains no more than the response error that is left."""
         # It resembles such an error, which does not scatter. Of confounded effects the likeliest counts.
-        if effect.found_as or effect.dates or effect.hours:
+        if not _lasts(effect):
             return False
         best = max((o for o in self.pool if o is one or alike(o, one)), key=self.score, default=one)
         return self.score(best) - self.score(less) < self._missed(best)
@@ -473,12 +473,16 @@ class Study:
     def _within_stamps(self, one: Explanation, effect: Effect) -> bool:
         """Return whether an effect at all times may move flows by less than half a sample."""
         # Whether a log holds means or readings, and at which end of the sample, is not known better.
-        if effect.dates or effect.family != "timing":
+        if not _lasts(effect) or effect.family != "timing":
             return False
         errors = next((one.errors_of(i) for i, e in enumerate(one.model.effects) if e is effect), {})
         units = {key: spec.unit for key, spec in effect.parameters().items()}
-        sure = [abs(getattr(effect, key)) - 1.96 * se for (key, _), se in errors.items() if units[key] == "s"]
-        return bool(sure) and max(sure) < 0.5 * self.record.sample_time
+        least = [
+            float(np.abs(getattr(effect, key)).max()) - 1.96 * se
+            for (key, _), se in errors.items()
+            if units[key] == "s"
+        ]
+        return bool(least) and max(least) < 0.5 * self.record.sample_time
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Return whether an added unknown flow, event or swing makes a material share of the error."""
@@ -642,6 +646,11 @@ def alike(one: Explanation, other: Explanation) -> bool:
     return found is not None and (
         found[1].name in found[0].confounded_with or found[0].name in found[1].confounded_with
     )
+
+
+def _lasts(effect: Effect) -> bool:
+    """Return whether an effect in the simulator acts at all times."""
+    return not (effect.found_as or effect.dates or effect.hours)
 
 
 def _within_limits(effect: Effect) -> bool:

@@ -69,7 +69,7 @@ def test_the_scale_of_the_tails_is_that_of_a_normal_bulk():
     ids=["unrelated days", "related days", "some wrong days", "a hundred days"],
 )
 def test_a_known_law_is_found_and_its_intervals_hold_it(n, scatter_memory, wrong):
-    seeds = examples(40, 8)
+    seeds = examples(40, 16)
     laws = [delay_law(*river([s, n], n, scatter_memory=scatter_memory, wrong=wrong)) for s in range(seeds)]
     powers = np.array([law.b for law in laws])
     assert abs(powers.mean() - B) < 3.5 * powers.std() / np.sqrt(seeds)
@@ -87,7 +87,7 @@ def test_a_known_law_is_found_and_its_intervals_hold_it(n, scatter_memory, wrong
 def test_the_correlation_time_is_that_of_an_autoregression_and_blocks_grow_with_it():
     short, middle, long = (
         np.mean([delay_law(*river([s, 5], scatter_memory=m, own=(0.005, 0.01))).blocks for s in range(n)])
-        for m, n in ((0, 3), (3, 20), (9, 3))
+        for m, n in ((0, 3), (3, 20), (9, 5))
     )
     assert short > 20 > middle > long >= 6
     rho = np.exp(-1.0 / 3.0)
@@ -129,7 +129,7 @@ def test_an_interval_is_honest_where_the_delays_do_not_leave_their_sample():
 @pytest.mark.parametrize("gate", [0.05, 0.3, 1.0], ids=["steps", "some fractions", "all fractions"])
 def test_the_interval_of_b_holds_it_whatever_a_delay_shows_of_its_fraction(gate):
     rng, held, error, wide = np.random.default_rng([7, int(100 * gate)]), [], [], []
-    for seed in range(examples(100, 10)):
+    for seed in range(examples(100, 20)):
         b, median = rng.uniform(0.0, 0.4), np.exp(rng.uniform(np.log(1.5), np.log(20.0)))
         law = law_in_steps(seed, b, median, gate, 0.02)
         held.append(law.b_low <= b <= law.b_high)
@@ -173,7 +173,7 @@ def test_the_table_holds_all_days_and_follows_the_law():
 
 def test_the_band_of_a_day_holds_the_delays_of_days():
     held = []
-    for seed in range(examples(20, 5)):
+    for seed in range(examples(20, 10)):
         rng = np.random.default_rng([seed, 3])
         Q = Q0 * np.exp(0.5 * rng.normal(size=400))
         true = T0 * (Q / Q0) ** -B * np.exp(0.03 * student.rvs(4.0, size=400, random_state=rng))

@@ -609,6 +609,7 @@ def test_the_ranking_has_what_matters_with_gain_and_materiality():
         (WaveAttenuation(spread=190.0), 25.0, True),  # by its interval
         (WaveAttenuation(spread=190.0), 15.0, False),
         (OutflowLag(lag=900.0), 60.0, False),
+        (OutflowLag(lag=90.0, hours=(6.0, 9.0)), 3.0, False),
         (OutflowLag(lag=90.0, dates=(dt.date(2024, 5, 3), dt.date(2024, 5, 9))), 3.0, False),
         (ClockOffset(offset=-60.0, dates=(dt.date(2024, 5, 3), dt.date(2024, 5, 9))), 3.0, False),
         (SideStorage(), 1.0, False),
