@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 from scipy.special import stdtrit
 
 from rivid.errors import RividError
@@ -174,8 +175,9 @@ def posterior(days: Days, log_likelihood: Likelihood) -> Posterior:
         log_p = np.zeros(GRID)
         for rows in parts:
             at = (a[:, None, None] - b[:, None] * x[rows] - m[0]) / (m[1] - m[0])
+            gathered = _weights(at, FINE)
             for k, s in enumerate(np.exp(scale)):
-                log_p[..., k] += _between(log_likelihood(rows, m, s), at).sum(axis=-1)
+                log_p[..., k] += (gathered @ log_likelihood(rows, m, s).ravel()).reshape(GRID[:2])
         matters = log_p > log_p.max() - NATS
         before = box.copy()
         for axis, points in enumerate((a, b, scale)):
@@ -200,19 +202,25 @@ def posterior(days: Days, log_likelihood: Likelihood) -> Posterior:
     return Posterior(mean, V * np.outer(wider, wider), square, float(evidence), int(block.max()) + 1)
 
 
-def _between(values: Floats, at: Floats) -> Floats:
-    """`values` of each day, shape (G, days), at fractional rows, shape (..., days)."""
-    row = np.clip(at.astype(int), 0, len(values) - 2)
-    part, day = at - row, np.arange(values.shape[1])
-    return np.asarray((1.0 - part) * values[row, day] + part * values[row + 1, day])
+def _weights(at: Floats, G: int) -> csr_array:
+    """Weights of values, shape (G, days), in the sums over days of those at fractional rows, (..., days)."""
+    days = at.shape[-1]
+    row = np.clip(at.astype(np.int32), 0, G - 2)
+    first, part = row * days + np.arange(days, dtype=np.int32), at - row
+    pairs = (np.stack(pair, axis=-1).ravel() for pair in ((1.0 - part, part), (first, first + days)))
+    ends = np.arange(0, 2 * at.size + 1, 2 * days, dtype=np.int32)
+    return csr_array((*pairs, ends), shape=(at.size // days, G * days))
 
 
 def _score(log_likelihood: Likelihood, rows: slice, m: Floats, s: float) -> Floats:
     """Derivative of each day's log likelihood by ln T; Student's t has none beyond 1.25 / s, a jump may."""
     ends = np.linspace(m.min() - s, m.max() + s, FINE)
-    values = log_likelihood(rows, ends, s)
-    low, high = (_between(values, (m + d - ends[0]) / (ends[1] - ends[0])) for d in (-0.5 * s, 0.5 * s))
-    return np.clip((high - low) / s, -1.25 / s, 1.25 / s)
+    values = log_likelihood(rows, ends, s).T
+    low, high = (
+        np.array([np.interp(at, ends, day) for at, day in zip(m + d, values, strict=True)])
+        for d in (-0.5 * s, 0.5 * s)
+    )
+    return np.asarray(np.clip((high - low) / s, -1.25 / s, 1.25 / s))
 
 
 def alike(days: NDArray[np.intp], score: Floats) -> float:
