@@ -163,8 +163,9 @@ def find_effects(
             break
         # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
         if (lead.names, lead.unknown) in extended or len(lead.effects) > len(lead.names) == len(start):
-            # An immaterial effect that is likelier hides what is material: beside it, that shows.
-            lead = search.ordered()[0]
+            # An immaterial effect that is likelier hides what is material, and so do unknown waves: it shows
+            # beside the likeliest effect.
+            lead = next((one for one in search.ordered() if not one.unknown), lead)
             if small or (lead.names, lead.unknown) in extended or lead.added is None or lead.unknown:
                 break
             small = True
@@ -340,6 +341,7 @@ class _Search:
         first, opened, block = self.study().first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
         pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
+        pool.sort(key=self.score, reverse=True)  # for the order of those with no probability
         chances = ranked(pool, opened, block, ended=False)
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 

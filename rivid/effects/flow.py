@@ -415,8 +415,7 @@ class _GainError(_Flow):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        hourly = [cls.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS]
-        return [cls.linear_trial("error", 0.02, dates="between"), *hourly]
+        return [cls.linear_trial("error", 0.02, dates="between")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -451,6 +450,11 @@ class OutflowGainError(_GainError):
         "What the logs do not explain follows the outflow at once; only its beginning or end "
         "distinguishes it from inflow_gain_error while the operators pass on what comes in."
     )
+
+    @classmethod
+    def trials(cls, world: World) -> list[Trial]:  # the operators of one shift may log it, others not
+        hourly = [cls.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS]
+        return [*super().trials(world), *hourly]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(factor=1.0 + self.error * self.active(world)))

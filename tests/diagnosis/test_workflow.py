@@ -307,7 +307,7 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
 
 @pytest.mark.parametrize(("named", "likelier"), [(True, False), (False, False), (False, True)])
 def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named, likelier):
-    """Regression: a likelier immaterial effect was not extended, and counted for nothing missing."""
+    """Regression: the likeliest effect was not extended: an immaterial one, a rating behind waves."""
     first = explained()
     small = explained("flow_dependent_delay", 9.0, parent=first)
     parent = explained("leakage", 9.0, parent=first) if named else first
@@ -320,7 +320,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
         pool = (first, waves)
         score = staticmethod(lambda one: 0.0)
         begun = staticmethod(lambda: [first])
-        ordered = staticmethod(lambda: [small if likelier else first])
+        ordered = staticmethod(lambda: [waves, small if likelier else first])
         study = staticmethod(lambda: extended)
         lead = staticmethod(lambda: first if len(extended) > 1 else waves)
         extend = staticmethod(lambda one: extended.append(one.names) or one)

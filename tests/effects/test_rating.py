@@ -33,15 +33,16 @@ def test_the_reading_is_in_proportion_and_off_by_a_constant_within_the_dates():
     )
 
 
-@pytest.mark.long  # a whole diagnosis: 22 s
+@pytest.mark.long  # a whole diagnosis: 30 s
 def test_a_shifted_rating_is_not_taken_for_an_inflow():
     record = record_of(kind="river", days=40, n=48)
     later = np.array([day >= record.dates[20] for day in record.dates])
     off = dataclasses.replace(record, output=record.output * (1.0 + 0.04 * later[:, None]))
     names = ("inflow_gain_error", "lateral_inflow", "rating_shift")
-    study = find_effects(off, responses_of(SETTINGS, off), {name: CATALOGUE[name] for name in names}, most=1)
+    study = find_effects(off, responses_of(SETTINGS, off), {name: CATALOGUE[name] for name in names}, most=2)
     assert not study.sure and "rating_shift" in study.group  # tied with other shifts of the balance
-    (shift,) = next(one.effects for one, _ in study.ranking if one.names == ("rating_shift",))
+    # beside an unknown daily flow, which leads: the reading of this record is no wave of the response
+    shift = next(one.effects[0] for one, _ in study.ranking if one.names == ("rating_shift",))
     before = shift.dates[0] == record.dates[0]  # the response may be that of the days after
     assert shift.dates[1 if before else 0] == record.dates[19 if before else 20]
     assert shift.error + shift.offset == pytest.approx(-0.04 if before else 0.04, abs=0.01)
