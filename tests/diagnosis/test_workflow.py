@@ -313,6 +313,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
     parent = explained("leakage", 9.0, parent=first) if named else first
     waves = SimpleNamespace(
         names=parent.names, effects=(*parent.effects, RecurringFlow(waves=(1.0,) * 6)), unknown="flow",
+        events=(),
     )  # fmt: skip
     extended = []
 
