@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
-from rivid.diagnosis.decision import alike
+from rivid.diagnosis.decision import alike, ranked
 from rivid.diagnosis.explanation import STEPS, Way, fitted
 from rivid.diagnosis.workflow import _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
@@ -269,6 +269,25 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is nothing
 
 
+def test_explanations_with_no_probability_are_in_the_order_of_their_scores():
+    """Regression: far behind unknown waves all were even, and the first was not the likeliest."""
+    nothing = explained()
+    leak, release = (
+        explained(n, g, 0.5, parent=nothing) for n, g in (("leakage", 2e3), ("rain_inflow", 4e3))
+    )
+    waves = explained("", 9e3, 0.5, parent=nothing, unknown="flow")
+    pool = [nothing, leak, release, waves]
+    study = study_of(*pool)
+    search = SimpleNamespace(
+        pool=pool, study=lambda: study, score=study.score, opened=OPEN, dealt=SPLIT
+    )  # fmt: skip
+    chances = ranked(pool, OPEN, SPLIT.block)
+    assert (chances[:3] == 0.0).all()
+    assert [(one.names, one.unknown) for one in _Search.ordered(search)] == [
+        ((), "flow"), (("rain_inflow",), ""), (("leakage",), ""), ((), ""),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("found", [True, False])
 def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatch, found):
     """The likeliest effect is immaterial; with it, but not alone, another one is material, or none is."""
@@ -305,15 +324,21 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
     assert extended == [first.names, small.names] + found * [both.names]
 
 
-@pytest.mark.parametrize(("named", "likelier"), [(True, False), (False, False), (False, True)])
-def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named, likelier):
-    """Regression: the likeliest effect was not extended: an immaterial one, a rating behind waves."""
+@pytest.mark.parametrize(
+    ("named", "likelier", "events"),
+    [(True, False, ()), (False, False, ()), (False, True, ()), (False, True, ("pulses",))],
+)
+def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named, likelier, events):
+    """Regression: the likeliest effect was not extended: an immaterial one, a rating behind waves.
+
+    Beside unknown events that lead it stood for the rest of them.
+    """
     first = explained()
     small = explained("flow_dependent_delay", 9.0, parent=first)
     parent = explained("leakage", 9.0, parent=first) if named else first
     waves = SimpleNamespace(
         names=parent.names, effects=(*parent.effects, RecurringFlow(waves=(1.0,) * 6)), unknown="flow",
-        events=(),
+        events=events, added=None,
     )  # fmt: skip
     extended = []
 
@@ -334,7 +359,8 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
 
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
     find_effects(pools.season(6, DAYS, (), T_S), (), {})
-    assert extended == [first.names] + named * [waves.names] + likelier * [small.names]
+    beside = [small.names] if likelier and not events else []
+    assert extended == [first.names] + named * [waves.names] + beside
 
 
 def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeypatch):

@@ -118,3 +118,12 @@ def test_an_unknown_flow_that_returns_is_any_sum_of_three_waves_and_has_no_name(
     slow = 3 * np.cos(turn) + 4 * np.sin(turn) + 2 * np.sin(2 * turn) + np.cos(3 * turn)
     assert one.flow == pytest.approx(slow, abs=1e-12)
     assert RecurringFlow.name == "" and RecurringFlow not in effect_classes().values()
+
+
+def test_a_gain_error_in_certain_hours_is_tried_for_the_outflow_alone():
+    """Regression: the inflow's was a release in these hours, which no record of a meter supports."""
+    hours = [
+        [trial.effects[0].hours for trial in effect_classes()[f"{flow}_gain_error"].trials(world())]
+        for flow in ("inflow", "outflow")
+    ]
+    assert hours == [[None], [None, (5.0, 13.0), (13.0, 21.0), (21.0, 5.0)]]
