@@ -164,7 +164,7 @@ def find_effects(
         # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
         if (lead.names, lead.unknown) in extended or len(lead.effects) > len(lead.names) == len(start):
             # An immaterial effect that is likelier hides what is material, and so do unknown waves: it shows
-            # beside the likeliest effect. Beside unknown events, the oscillation that they leave has a name.
+            # beside the likeliest effect. Unknown events leave oscillations that would be named beside them.
             events = lead.events
             lead = next((one for one in search.ordered() if events or not one.unknown), lead)
             if small or (lead.names, lead.unknown) in extended or lead.added is None or lead.unknown:
