@@ -117,7 +117,7 @@ STEADY = (
     "not; or gauge the {} dam once."
 )
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
-"""Hours of the operators' shifts [h]: a gain error may belong to one of them."""
+"""Hours of the operators' shifts [h]: a gain error of the outflow may belong to one."""
 
 
 @dataclass(frozen=True, kw_only=True)
