@@ -117,8 +117,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         if study.unknown >= UNKNOWN:
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
             kind = "Something is missing that no known effect explains"
-            likeliest = _likeliest_unknown(study)
-            if likeliest is not None and likeliest.unknown == "dynamics":
+            if study.stranger is not None and study.stranger.unknown == "dynamics":
                 kind = "No geometry near the configured length, width and depth makes this response"
             return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
         if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
@@ -182,8 +181,9 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
     """Return the recommended next measurement, or None."""
     if verdict == "unknown":
-        one = _likeliest_unknown(study)
-        kind = "" if one is None else one.unknown
+        if study.unknown_delays:
+            return USUAL["timing"]
+        kind = "" if study.stranger is None else study.stranger.unknown
         if study.unfit or kind == "dynamics":
             return "Measure the reach's length, width and depth, and time one wave between the dams."
         return USUAL["level" if kind == "gauge" else "flow"]
@@ -191,11 +191,6 @@ def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> s
         first, *rest = (classes[name] for name in study.group)
         return breaker(first, rest) or USUAL[first.family]
     return None
-
-
-def _likeliest_unknown(study: Study) -> Explanation | None:
-    """Return the most probable explanation with an unknown cause, or None if there is none."""
-    return next((one for one, _ in study.ranking if one.unknown), None)
 
 
 def _small(study: Study) -> tuple[str, ...]:
@@ -225,11 +220,11 @@ def _ranking(study: Study) -> tuple[Ranked, ...]:
     found: dict[tuple[tuple[str, ...], str], Ranked] = {}
     for one, p in study.ranking:
         names, unknown = study.core(one)
-        key = tuple(sorted(names)), one.unknown
+        key = tuple(sorted(names)), one.unknown or unknown
         row = found.get(key)
         if row is None:
             gain = study.score(one) - base
-            row = Ranked((*known, *names), one.unknown or None, one.model.reach.name, 0.0, gain, False)
+            row = Ranked((*known, *names), key[1] or None, one.model.reach.name, 0.0, gain, False)
         material = row.material or bool(names or unknown)
         found[key] = replace(row, probability=row.probability + p, material=material)
     return tuple(sorted(found.values(), key=lambda row: -row.probability))
@@ -358,7 +353,7 @@ def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float] 
 
 def _of_noise(study: Study) -> Unknown | None:
     """Return the size of the unknown cause in the most probable explanation that has one."""
-    one = _likeliest_unknown(study)
+    one = study.stranger
     if one is None:
         return None
     size = one.noise.level_sd if study.record.kind == "river" else one.noise.inflow_sd
@@ -374,12 +369,17 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # fewer give no significant location
         place = strongest(Scores(w, record.used, blocks), drivers(record, blocks), record.dates)
-    likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
-    found, rows = _unnamed(likeliest, record)
+    likeliest = study.stranger if study.unknown >= UNKNOWN else None
+    found, rows = _unnamed(likeliest or last, record)
     # size, dates and period refer to the same days
     windows = place.windows if place is not None else ()
     if rows:
         windows, place = ((record.dates[min(rows)], record.dates[max(rows)]),), None
+    if late := study.unknown_delays if likeliest is not None else ():
+        found.append(f"a delay that resembles {' with '.join(_words(effect.name) for effect in late)}")
+        dates = [effect.dates for effect in late if effect.dates]
+        if dates:
+            windows, place = ((min(d[0] for d in dates), max(d[1] for d in dates)),), None
     within = np.array([not windows or any(a <= day <= b for a, b in windows) for day in record.dates])
     used = record.used & within[:, None]
     slow = rhythm(w, used, record.time)

@@ -4,10 +4,13 @@ Set by hand are the probability to name an effect alone, that of a group of name
 squared error that counts; and, until the exam has calibrated it, the exponent of the scores.
 """
 
+import datetime as dt
+from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -19,7 +22,7 @@ from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, Model, day_errors, r
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.effects import LEVEL_NOISES, Effect
-from rivid.effects.level import RatingShift
+from rivid.effects.level import RatingShift, StillingWell
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
@@ -435,7 +438,22 @@ class Study:
             known = effect.name in ("", *names) or effect is one.added or effect in self.start
             if not known and not effect.found_as and self._adds(one, effect, self._less(one, effect)):
                 names = (*names, effect.name)
+        if late := {effect.name for effect in self.stand_ins(one, names)}:
+            return tuple(name for name in names if name not in late), unknown or "flow"
         return names, unknown
+
+    def stand_ins(self, one: Explanation, names: Collection[str]) -> tuple[Effect, ...]:
+        """Return the effects among `names` that stand for a delay of an unknown cause.
+
+        They are degenerate, or two delays within dates that share a boundary inside the season: it is less
+        probable that two causes change on the same day by chance than that one cause has another form.
+        """
+        opened = [self.record.dates[k] for k in np.flatnonzero(self.opened)]
+        late = [e for e in one.model.effects if e.name in names and e not in self.start]
+        late = [e for e in late if e.family == "timing" or isinstance(e, StillingWell)]
+        ends = {e: _boundaries(e.dates, opened) for e in late if e.dates}
+        pairs = [(a, b) for a, b in combinations(ends, 2) if _share(ends[a], ends[b])]
+        return tuple(e for e in late if e.degenerate or any(e in pair for pair in pairs))
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:
         """Return the best explanation without an effect of `one`, with all or some of its other effects."""
@@ -603,6 +621,17 @@ class Study:
         return tuple(reversed(way))
 
     @cached_property
+    def stranger(self) -> Explanation | None:
+        """The most probable explanation with an unknown cause, None if there is none."""
+        return next((one for one, _ in self.ranking if self.core(one)[1]), None)
+
+    @property
+    def unknown_delays(self) -> tuple[Effect, ...]:
+        """Effects of :attr:`stranger` that stand for a delay of an unknown cause."""
+        one = self.stranger
+        return () if one is None else self.stand_ins(one, set(one.names) - set(self.core(one)[0]))
+
+    @cached_property
     def unknown(self) -> float:
         """Probability of an unknown cause."""
         return self.chance(lambda _, unknown: bool(unknown))
@@ -651,6 +680,16 @@ def alike(one: Explanation, other: Explanation) -> bool:
 def _lasts(effect: Effect) -> bool:
     """Return whether an effect in the simulator acts at all times."""
     return not (effect.found_as or effect.dates or effect.hours)
+
+
+def _boundaries(dates: tuple[dt.date, dt.date], opened: Sequence[dt.date]) -> set[int]:
+    """Return the boundaries of dates inside the season, as numbers of open days before them."""
+    return {bisect_left(opened, dates[0]), bisect_right(opened, dates[1])} - {0, len(opened)}
+
+
+def _share(ends: set[int], others: set[int]) -> bool:
+    """Return whether two boundaries are the same, or an open day apart."""
+    return any(abs(a - b) <= 1 for a in ends for b in others)
 
 
 def _within_limits(effect: Effect) -> bool:

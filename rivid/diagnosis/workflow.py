@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import ALONE, HAIR, Study, alike, harmless, leading, ranked
+from rivid.diagnosis.decision import ALONE, HAIR, Study, alike, difference, harmless, leading, ranked
 from rivid.diagnosis.explanation import (
     FRESH,
     STEPS,
@@ -629,14 +629,15 @@ class _Search:
                 self._grow(rival, [lead.way])
 
     def level_twins(self) -> None:
-        """Refit what is confounded with a probable explanation from the response of this one."""
+        """Refit what is confounded with a probable explanation from its response."""
         # A round that extends one of two twins alone refits its response, which can be worth tens of nats.
+        # A twin with other dates, sizes or noise need not come near from there: it is tried with these, too.
         before = leading(self.pool, self.opened)
         chances = ranked(before, self.opened, self.dealt.block, ended=False).tolist()
         for one in (one for one, p in zip(before, chances, strict=True) if p >= 1.0 - ALONE):
             same = [o for o in before if o.count == one.count and o.unknown == one.unknown]
             same = [o for o in same if o.model.reach.name == one.model.reach.name and alike(o, one)]
-            self._polished(same, one)
+            self._polished([draft for o in same for draft in (o, *_as_twin(one, o))], one)
 
     def varied(self, lead: Explanation) -> Explanation:
         """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""
@@ -680,6 +681,27 @@ class _Search:
     def study(self) -> Study:
         """Return the explanations found."""
         return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start)
+
+
+def _as_twin(one: Explanation, twin: Explanation) -> list[Explanation]:
+    """Return `one` with the effect of `twin` in place of its own, its dates and its number of sizes."""
+    mine, its = difference(one, twin) or (None, None)
+    own = {e.name: (e, free) for e, free in zip(one.model.effects, one.model.free, strict=True)}
+    theirs = twin.model.effects
+    if mine is None or its is None or mine.name not in own or len(own) != len(theirs) or not its.windowed:
+        return []
+    if {its.name, *own} - {mine.name} != {e.name for e in theirs}:
+        return []
+    key, many = its.varies_with_date, np.size(getattr(mine, mine.varies_with_date or "name"))
+    sizes: dict[str, Any] = {}
+    if key and np.size(getattr(its, key)) != many:
+        mean = float(np.mean(getattr(its, key)))
+        sizes = {key: mean if many == 1 else (mean,) * many}
+    like = replace(its, dates=mine.dates, **sizes)
+    pairs = zip(theirs, twin.model.free, strict=True)
+    effects, free = zip(*((like, f) if e is its else own[e.name] for e, f in pairs), strict=True)
+    model = replace(one.model, effects=effects, free=free)
+    return [replace(twin, model=model, others=one.others, events=one.events)]
 
 
 UNKNOWNS = 2  # an unknown flow and an unknown gauge count as names in the prior

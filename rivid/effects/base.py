@@ -221,6 +221,11 @@ class Effect(ABC):
                 return cls(**given)
         raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
 
+    @property
+    def degenerate(self) -> bool:
+        """Whether its values are at limits at which it would be another effect."""
+        return False
+
     def with_values(self, **values: Any) -> Self:
         """The same effect with other values of some parameters."""
         return replace(self, **values)

@@ -180,6 +180,12 @@ class IceCover(_Timing):
             for samples in (1.0, 4.0, 16.0)
         ]
 
+    @property
+    def degenerate(self) -> bool:
+        # Waves late by the same time from one day to the next, and as steep, show a wrong clock; waves that
+        # are spread by all of their delay another cause.
+        return self.spread in (0.0, 1.0) or self.growth == 1.0
+
     def cover(self, time: Floats, world: World) -> Floats:
         """Share of the full cover at times [s]; shape of `time`."""
         if self.dates is None:

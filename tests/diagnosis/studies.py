@@ -23,7 +23,9 @@ LOUD = NoiseModel(100.0, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e
 QUIET = NoiseModel(1e-4, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
 
 
-MODEL = SimpleNamespace(reach=SimpleNamespace(name="linear"), flow=300.0, gauge_floor=0.0, effects=())
+MODEL = SimpleNamespace(
+    reach=SimpleNamespace(name="linear"), flow=300.0, gauge_floor=0.0, effects=(), free=()
+)
 
 
 @dataclass(frozen=True, eq=False)

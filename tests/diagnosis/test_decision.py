@@ -9,7 +9,7 @@ import pytest
 from scipy.special import softmax
 from scipy.stats import ttest_1samp
 
-from rivid.diagnosis.answer import _next, _ranking, _small, _verdict
+from rivid.diagnosis.answer import USUAL, _next, _ranking, _small, _verdict
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import (
     DOUBT,
@@ -621,6 +621,61 @@ def test_a_timing_effect_at_all_times_of_less_than_half_a_sample_is_not_named(ef
     one = SimpleNamespace(model=SimpleNamespace(effects=(effect,)), errors_of=lambda _: {(key, None): error})
     study = SimpleNamespace(record=SimpleNamespace(sample_time=300.0))
     assert Study._within_stamps(study, one, effect) == within
+
+
+def held(*effects):
+    """Return an explanation of the season with effects in the simulator, the last one added, all material."""
+    model = SimpleNamespace(**vars(explained().model) | {"effects": effects})
+    one = explained()
+    for effect in effects:
+        one = explained(effect.name, 9.0, MUCH, parent=one, model=model)
+    return one
+
+
+def dated(name, first, last, **values):
+    return CATALOGUE[name](dates=(RECORD.dates[first], RECORD.dates[last]), **values)
+
+
+FIRST, MIDDLE, END = (int(np.flatnonzero(OPEN)[k]) for k in (3, 9, 15))
+
+
+@pytest.mark.parametrize(
+    ("effects", "names"),
+    [
+        ((dated("ice_cover", FIRST, END, spread=0.0),), ()),
+        ((dated("ice_cover", FIRST, END, growth=1.0),), ()),
+        ((dated("ice_cover", FIRST, END),), ("ice_cover",)),
+        ((dated("outflow_lag", FIRST, END), dated("clock_offset", FIRST, END)), ()),
+        ((dated("outflow_lag", FIRST, END), dated("stilling_well", MIDDLE, END)), ()),
+        ((dated("outflow_lag", FIRST, MIDDLE), dated("clock_offset", MIDDLE + 1, END)), ()),
+        ((dated("outflow_lag", FIRST, MIDDLE), dated("clock_offset", FIRST + 4, END)),
+         ("outflow_lag", "clock_offset")),
+        ((dated("outflow_lag", 0, MIDDLE), dated("clock_offset", 0, END)), ("outflow_lag", "clock_offset")),
+        ((dated("outflow_lag", FIRST, END), dated("inflow_gain_error", FIRST, END)),
+         ("outflow_lag", "inflow_gain_error")),
+        ((dated("outflow_lag", FIRST, END), dated("leakage", 0, END), dated("clock_offset", FIRST, END)),
+         ("leakage",)),
+    ],
+)  # fmt: skip
+def test_delays_that_change_on_the_same_day_or_at_their_limits_are_an_unknown_cause(effects, names):
+    """Regression: an outflow lag that the library lacked was "clock offset, stilling well" with its dates."""
+    one = held(*effects)
+    study = study_of(explained(), one)
+    assert study.core(one) == (names, "" if len(names) == len(effects) else "flow")
+    (row,) = (row for row in _ranking(study) if row.gain > 0.0)
+    assert row.unknown == (None if len(names) == len(effects) else "flow")
+    late = {effect.name for effect in study.unknown_delays}
+    assert late == {effect.name for effect in effects} - set(names)
+    if not names:
+        assert _next(study, "unknown", dict(CATALOGUE)) == USUAL["timing"]
+
+
+def test_an_immaterial_delay_on_the_same_days_leaves_the_other_its_name():
+    lag, clock = dated("outflow_lag", FIRST, END), dated("clock_offset", FIRST, END)
+    model = SimpleNamespace(**vars(explained().model) | {"effects": (lag, clock)})
+    parent = explained("outflow_lag", 9.0, MUCH, parent=explained(), model=model)
+    one = explained("clock_offset", 9.0, 0.0, parent=parent, model=model)
+    assert study_of(explained(), one).core(one) == (("outflow_lag",), "")
 
 
 @pytest.mark.parametrize(("ahead", "named"), [(8.0, True), (10.0, False)])
