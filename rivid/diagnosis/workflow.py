@@ -629,15 +629,24 @@ class _Search:
                 self._grow(rival, [lead.way])
 
     def level_twins(self) -> None:
-        """Refit what is confounded with a probable explanation from its response."""
-        # A round that extends one of two twins alone refits its response, which can be worth tens of nats.
-        # A twin with other dates, sizes or noise need not come near from there: it is tried with these, too.
+        """Refit what is confounded with a probable explanation, or its parents, from its response.
+
+        A round that extends one of two twins alone refits its response, which can be worth tens of nats. A
+        twin with other dates, sizes or noise need not come near from there: it is tried with these, too.
+        """
         before = leading(self.pool, self.opened)
         chances = ranked(before, self.opened, self.dealt.block, ended=False).tolist()
-        for one in (one for one, p in zip(before, chances, strict=True) if p >= 1.0 - ALONE):
-            same = [o for o in before if o.count == one.count and o.unknown == one.unknown]
-            same = [o for o in same if o.model.reach.name == one.model.reach.name and alike(o, one)]
-            self._polished([draft for o in same for draft in (o, *_as_twin(one, o))], one)
+        likely = [one for one, p in zip(before, chances, strict=True) if p >= 1.0 - ALONE]
+        for one in likely:  # and all that they extend
+            likely += [one.parent] if one.parent is not None and one.parent not in likely else []
+        for one in sorted(likely, key=lambda o: len(o.names)):
+            now = [o for o in leading(self.pool, self.opened) if o.model.reach.name == one.model.reach.name]
+            same = [o for o in now if o.count == one.count and o.unknown == one.unknown and alike(o, one)]
+            twins = [_as_twin(one, one, o, one.parent) for o in same]
+            if (parent := one.parent) is not None:
+                near = (o for o in now if o.count == parent.count and o.unknown == parent.unknown)
+                twins += [_as_twin(one, parent, o, o) for o in near if alike(o, parent)]
+            self._polished([*same, *(o for o in twins if o is not None)], one)
 
     def varied(self, lead: Explanation) -> Explanation:
         """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""
@@ -683,25 +692,31 @@ class _Search:
         return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start)
 
 
-def _as_twin(one: Explanation, twin: Explanation) -> list[Explanation]:
-    """Return `one` with the effect of `twin` in place of its own, its dates and its number of sizes."""
-    mine, its = difference(one, twin) or (None, None)
-    own = {e.name: (e, free) for e, free in zip(one.model.effects, one.model.free, strict=True)}
-    theirs = twin.model.effects
-    if mine is None or its is None or mine.name not in own or len(own) != len(theirs) or not its.windowed:
-        return []
-    if {its.name, *own} - {mine.name} != {e.name for e in theirs}:
-        return []
+def _as_twin(
+    one: Explanation, other: Explanation, twin: Explanation, parent: Explanation | None
+) -> Explanation | None:
+    """Return `one`, as an extension of `parent`, with an effect of `twin` in place of that of `other`.
+
+    The effect gets the dates of the one that it replaces, and as many sizes. None if one of the two is not in
+    the simulator, or if `parent` has the one replaced.
+    """
+    mine, its = difference(other, twin) or (None, None)
+    here = [i for i, e in enumerate(one.model.effects) if mine is not None and e.name == mine.name]
+    if its not in twin.model.effects or len(here) != 1 or parent is None or not its.windowed:
+        return None
+    mine = one.model.effects[here[0]]
+    if mine.name in parent.names:
+        return None
     key, many = its.varies_with_date, np.size(getattr(mine, mine.varies_with_date or "name"))
     sizes: dict[str, Any] = {}
     if key and np.size(getattr(its, key)) != many:
         mean = float(np.mean(getattr(its, key)))
         sizes = {key: mean if many == 1 else (mean,) * many}
-    like = replace(its, dates=mine.dates, **sizes)
-    pairs = zip(theirs, twin.model.free, strict=True)
-    effects, free = zip(*((like, f) if e is its else own[e.name] for e, f in pairs), strict=True)
-    model = replace(one.model, effects=effects, free=free)
-    return [replace(twin, model=model, others=one.others, events=one.events)]
+    effects, free = [*one.model.effects], [*one.model.free]
+    effects[here[0]] = replace(its, dates=mine.dates, **sizes)
+    free[here[0]] = twin.model.free[twin.model.effects.index(its)]
+    model = replace(one.model, effects=tuple(effects), free=tuple(free))
+    return replace(one, model=model, parent=parent, way=None)
 
 
 UNKNOWNS = 2  # an unknown flow and an unknown gauge count as names in the prior

@@ -10,6 +10,7 @@ import pytest
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike, ranked
 from rivid.diagnosis.explanation import STEPS, Way, fitted
+from rivid.diagnosis.fit import Model
 from rivid.diagnosis.workflow import _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import PassingFlow, RecurringFlow
@@ -437,6 +438,34 @@ def test_twins_of_what_is_probable_are_refitted_from_its_response():
     )  # fmt: skip
     _Search.level_twins(search)
     assert (twin, lead) in refitted and {one for one, _ in refitted} <= {lead, twin}
+
+
+def test_a_twin_is_tried_as_the_other_is_with_its_dates_and_number_of_sizes_beside_the_same():
+    """Regression: 14 sizes and other dates left the truth 200 nats behind its twin, which had one."""
+    when = [(day, day + dt.timedelta(20)) for day in (dt.date(2024, 5, 3), dt.date(2024, 5, 6))]
+    release = CATALOGUE["unlogged_upstream_release"](size=4.0, dates=when[0])
+    lateral = CATALOGUE["lateral_inflow"](inflow=(3.0, 7.0), place=0.2, dates=when[1])
+    pond = CATALOGUE["side_storage"]()
+    nothing, frees = explained(), {release: ("size",), lateral: ("inflow", "place"), pond: ("area",)}
+
+    def held(parent, *effects):
+        free = tuple(frees[effect] for effect in effects)
+        model = Model(nothing.model.reach, None, 0.0, 300.0, 0.0, effects, free)
+        return replace(explained(effects[-1].name, 9.0, 0.5, parent=parent), model=model, added=effects[-1])
+
+    one, twin = held(nothing, release), held(nothing, lateral)
+    both = held(one, release, pond)
+    refitted = {}
+    search = SimpleNamespace(
+        pool=[nothing, one, twin, both], opened=OPEN, dealt=SPLIT,
+        _polished=lambda many, near: refitted.setdefault(id(near), []).extend(many),
+    )  # fmt: skip
+    _Search.level_twins(search)
+    like = replace(lateral, inflow=5.0, dates=when[0])
+    alone, beside = refitted[id(one)][-1], refitted[id(both)][-1]
+    assert alone.model.effects == (like,) and alone.model.free == (frees[lateral],)
+    assert beside.model.effects == (like, pond) and beside.model.free == (frees[lateral], frees[pond])
+    assert alone.parent is nothing and beside.parent is twin
 
 
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
