@@ -452,7 +452,7 @@ class Study:
         late = [e for e in one.model.effects if e.name in names and e not in self.start]
         late = [e for e in late if e.family == "timing" or isinstance(e, StillingWell)]
         ends = {e: _boundaries(e.dates, opened) for e in late if e.dates}
-        pairs = [(a, b) for a, b in combinations(ends, 2) if _share(ends[a], ends[b])]
+        pairs = [(a, b) for a, b in combinations(ends, 2) if a.name != b.name and _share(ends[a], ends[b])]
         return tuple(e for e in late if e.degenerate or any(e in pair for pair in pairs))
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:

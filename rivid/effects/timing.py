@@ -174,7 +174,7 @@ class IceCover(_Timing):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        also = ("spread", "growth", "breakup")
+        also = ("spread", "growth")
         return [
             cls.trial_at("late", samples * world.sample_time, dates="between", also=also)
             for samples in (1.0, 4.0, 16.0)

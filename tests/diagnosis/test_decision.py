@@ -650,6 +650,7 @@ FIRST, MIDDLE, END = (int(np.flatnonzero(OPEN)[k]) for k in (3, 9, 15))
         ((dated("outflow_lag", FIRST, MIDDLE), dated("clock_offset", MIDDLE + 1, END)), ()),
         ((dated("outflow_lag", FIRST, MIDDLE), dated("clock_offset", FIRST + 4, END)),
          ("outflow_lag", "clock_offset")),
+        ((dated("ice_cover", FIRST, MIDDLE), dated("ice_cover", MIDDLE + 1, END)), ("ice_cover", "ice_cover")),
         ((dated("outflow_lag", 0, MIDDLE), dated("clock_offset", 0, END)), ("outflow_lag", "clock_offset")),
         ((dated("outflow_lag", FIRST, END), dated("inflow_gain_error", FIRST, END)),
          ("outflow_lag", "inflow_gain_error")),
