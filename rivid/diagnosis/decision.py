@@ -317,7 +317,7 @@ class Study:
     pool: tuple[Explanation, ...]  # all explanations, scored
     notes: tuple[str, ...]
     start: tuple[Effect, ...] = ()  # effects known from the start
-    found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`core`
+    found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`_given`
 
     @cached_property
     def first(self) -> Explanation:
@@ -411,6 +411,12 @@ class Study:
 
     def core(self, one: Explanation) -> Core:
         """Return the names that are material given those before them, and the unknown cause if material."""
+        names, unknown = self._given(one)
+        late = Counter(effect.name for effect in self.stand_ins(one, names))
+        return (tuple((Counter(names) - late).elements()), unknown or "flow") if late else (names, unknown)
+
+    def _given(self, one: Explanation) -> Core:
+        """Return the core before effects that stand for an unknown delay are taken out."""
         if one not in self.found:
             self.found[one] = self._core(one)
         return self.found[one]
@@ -419,7 +425,7 @@ class Study:
         parent = one.parent
         if parent is None:
             return (), one.unknown
-        names, unknown = self.core(parent)
+        names, unknown = self._given(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
         if one.added is None:
@@ -438,8 +444,6 @@ class Study:
             known = effect.name in ("", *names) or effect is one.added or effect in self.start
             if not known and not effect.found_as and self._adds(one, effect, self._less(one, effect)):
                 names = (*names, effect.name)
-        if late := {effect.name for effect in self.stand_ins(one, names)}:
-            return tuple(name for name in names if name not in late), unknown or "flow"
         return names, unknown
 
     def stand_ins(self, one: Explanation, names: Collection[str]) -> tuple[Effect, ...]:
@@ -629,7 +633,7 @@ class Study:
     def unknown_delays(self) -> tuple[Effect, ...]:
         """Effects of :attr:`stranger` that stand for a delay of an unknown cause."""
         one = self.stranger
-        return () if one is None else self.stand_ins(one, set(one.names) - set(self.core(one)[0]))
+        return () if one is None else self.stand_ins(one, self._given(one)[0])
 
     @cached_property
     def unknown(self) -> float:
