@@ -30,7 +30,7 @@ from rivid.diagnosis.result import (
 from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.spectrum import SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
-from rivid.text import shown_in
+from rivid.text import duration, shown_in
 from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
@@ -376,7 +376,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if rows:
         windows, place = ((record.dates[min(rows)], record.dates[max(rows)]),), None
     if late := study.unknown_delays if likeliest is not None else ():
-        found.append(f"a delay that resembles {' with '.join(_words(effect.name) for effect in late)}")
+        found.append(f"a delay that resembles {' with '.join(_described(effect) for effect in late)}")
         dates = [effect.dates for effect in late if effect.dates]
         if dates:
             windows, place = ((min(d[0] for d in dates), max(d[1] for d in dates)),), None
@@ -406,6 +406,12 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
         dates=(windows[0][0], windows[-1][1]), regime=f"at {len(windows)} times" if windows[1:] else None
     )  # fmt: skip
     return Unknown(where, rms, tuple(found), length)
+
+
+def _described(effect: Effect) -> str:
+    """Return the name of an effect, with its first parameter if that is a time."""
+    size = _parameters(effect, {}, (), 1.0)[0]
+    return _words(effect.name) + (f" ({duration([abs(size.value)])})" if size.unit == "s" else "")
 
 
 def _unnamed(one: Explanation, record: Record) -> tuple[list[str], list[int]]:

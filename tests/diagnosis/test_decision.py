@@ -9,7 +9,7 @@ import pytest
 from scipy.special import softmax
 from scipy.stats import ttest_1samp
 
-from rivid.diagnosis.answer import USUAL, _next, _ranking, _small, _verdict
+from rivid.diagnosis.answer import USUAL, _described, _next, _ranking, _small, _verdict
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import (
     DOUBT,
@@ -670,6 +670,11 @@ def test_delays_that_change_on_the_same_day_or_at_their_limits_are_an_unknown_ca
     assert late >= {effect.name for effect in effects} - set(names)
     if not names:
         assert _next(study, "unknown", dict(CATALOGUE)) == USUAL["timing"]
+
+
+def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():
+    assert _described(CATALOGUE["clock_offset"](offset=-268.0)) == "clock offset (4.5 min)"
+    assert _described(CATALOGUE["gate_deadband"]()) == "gate deadband"
 
 
 def test_an_immaterial_delay_on_the_same_days_leaves_the_other_its_name():
