@@ -91,7 +91,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
         if total[lead] > total[known]:
             known, reduced = lead, worth[lead]
     return probabilities(
-        worth, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1],
+        worth, [one.log_prior + log_places(one) for one in pool], parts=chosen.sum() / scores.shape[1],
         temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
 
@@ -681,6 +681,24 @@ def alike(one: Explanation, other: Explanation) -> bool:
     )
 
 
+def log_places(one: Explanation) -> float:
+    """Return the log prior of the places along the reach that the scores leave to the effects of one [nats].
+
+    All places are equally probable. At the upper end of the reach a lateral inflow is as likely as a release
+    at the dam, but only there.
+    """
+    from scipy.special import ndtr
+
+    price = 0.0
+    for i, (effect, free) in enumerate(zip(one.model.effects, one.model.free, strict=True)):
+        if "place" not in free:
+            continue
+        at, sd = float(getattr(effect, "place")), one.errors_of(i)["place", None] / np.sqrt(TEMPER)  # noqa: B009
+        inside = ndtr((1.0 - at) / sd) - ndtr(-at / sd)
+        price += min(float(np.log(inside * sd * np.sqrt(2.0 * np.pi))), 0.0)
+    return price
+
+
 def _lasts(effect: Effect) -> bool:
     """Return whether an effect in the simulator acts at all times."""
     return not (effect.found_as or effect.dates or effect.hours)
@@ -709,7 +727,7 @@ def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
     best: dict[Core, tuple[float, Explanation]] = {}
     for one in pool:
         key = tuple(sorted(one.names)), one.unknown
-        score = TEMPER * float(one.density[opened].sum()) + one.log_prior
+        score = TEMPER * float(one.density[opened].sum()) + one.log_prior + log_places(one)
         if key not in best or score > best[key][0]:
             best[key] = score, one
     return [one for _, one in best.values()]

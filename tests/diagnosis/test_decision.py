@@ -14,12 +14,14 @@ from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import (
     DOUBT,
     MATERIAL,
+    TEMPER,
     THIRD,
     Study,
     aligned,
     block_sums,
     is_material,
     leading,
+    log_places,
     ranked,
     shares,
     without_mirrored,
@@ -625,7 +627,7 @@ def test_a_timing_effect_at_all_times_of_less_than_half_a_sample_is_not_named(ef
 
 def held(*effects):
     """Return an explanation of the season with effects in the simulator, the last one added, all material."""
-    model = SimpleNamespace(**vars(explained().model) | {"effects": effects})
+    model = SimpleNamespace(**vars(explained().model) | {"effects": effects, "free": ((),) * len(effects)})
     one = explained()
     for effect in effects:
         one = explained(effect.name, 9.0, MUCH, parent=one, model=model)
@@ -672,6 +674,17 @@ def test_delays_that_change_on_the_same_day_or_at_their_limits_are_an_unknown_ca
         assert _next(study, "unknown", dict(CATALOGUE)) == USUAL["timing"]
 
 
+@pytest.mark.parametrize(("place", "sd"), [(0.0, 0.05), (0.3, 0.02), (0.9, 0.2), (0.5, 3.0)])
+def test_a_place_costs_what_the_scores_leave_of_the_reach(place, sd):
+    """The share of all places, weighted by their likelihood; none where they are all as likely."""
+    inflow = CATALOGUE["lateral_inflow"](inflow=2.0, place=place)
+    model = SimpleNamespace(effects=(CATALOGUE["leakage"](), inflow), free=(("loss",), ("inflow", "place")))
+    one = SimpleNamespace(model=model, errors_of=lambda i: {("inflow", None): 0.1, ("place", None): sd})
+    at = np.linspace(0.0, 1.0, 200_001)
+    share = np.trapezoid(np.exp(-0.5 * TEMPER * ((at - place) / sd) ** 2), at)
+    assert log_places(one) == pytest.approx(np.log(share), abs=1e-6)
+
+
 def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():
     assert _described(CATALOGUE["clock_offset"](offset=-268.0)) == "clock offset (4.5 min)"
     assert _described(CATALOGUE["gate_deadband"]()) == "gate deadband"
@@ -679,7 +692,7 @@ def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_thei
 
 def test_an_immaterial_delay_on_the_same_days_leaves_the_other_its_name():
     lag, clock = dated("outflow_lag", FIRST, END), dated("clock_offset", FIRST, END)
-    model = SimpleNamespace(**vars(explained().model) | {"effects": (lag, clock)})
+    model = SimpleNamespace(**vars(explained().model) | {"effects": (lag, clock), "free": ((), ())})
     parent = explained("outflow_lag", 9.0, MUCH, parent=explained(), model=model)
     one = explained("clock_offset", 9.0, 0.0, parent=parent, model=model)
     assert study_of(explained(), one).core(one) == (("outflow_lag",), "")
