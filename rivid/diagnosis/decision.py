@@ -4,7 +4,6 @@ Set by hand are the probability to name an effect alone, that of a group of name
 squared error that counts; and, until the exam has calibrated it, the exponent of the scores.
 """
 
-import datetime as dt
 from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -455,8 +454,15 @@ class Study:
         opened = [self.record.dates[k] for k in np.flatnonzero(self.opened)]
         late = [e for e in one.model.effects if e.name in names and e not in self.start]
         late = [e for e in late if e.family == "timing" or isinstance(e, StillingWell)]
-        ends = {e: _boundaries(e.dates, opened) for e in late if e.dates}
-        pairs = [(a, b) for a, b in combinations(ends, 2) if a.name != b.name and _share(ends[a], ends[b])]
+        inside = {  # boundaries inside the season, as numbers of open days before them
+            e: {bisect_left(opened, e.dates[0]), bisect_right(opened, e.dates[1])} - {0, len(opened)}
+            for e in late
+            if e.dates
+        }
+        pairs = [
+            (a, b) for a, b in combinations(inside, 2)
+            if a.name != b.name and any(abs(i - j) <= 1 for i in inside[a] for j in inside[b])
+        ]  # fmt: skip
         return tuple(e for e in late if e.degenerate or any(e in pair for pair in pairs))
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:
@@ -702,16 +708,6 @@ def log_places(one: Explanation) -> float:
 def _lasts(effect: Effect) -> bool:
     """Return whether an effect in the simulator acts at all times."""
     return not (effect.found_as or effect.dates or effect.hours)
-
-
-def _boundaries(dates: tuple[dt.date, dt.date], opened: Sequence[dt.date]) -> set[int]:
-    """Return the boundaries of dates inside the season, as numbers of open days before them."""
-    return {bisect_left(opened, dates[0]), bisect_right(opened, dates[1])} - {0, len(opened)}
-
-
-def _share(ends: set[int], others: set[int]) -> bool:
-    """Return whether two boundaries are the same, or an open day apart."""
-    return any(abs(a - b) <= 1 for a in ends for b in others)
 
 
 def _within_limits(effect: Effect) -> bool:
