@@ -700,8 +700,9 @@ def log_places(one: Explanation) -> float:
         if "place" not in free:
             continue
         at, sd = float(getattr(effect, "place")), one.errors_of(i)["place", None] / np.sqrt(TEMPER)  # noqa: B009
-        inside = ndtr((1.0 - at) / sd) - ndtr(-at / sd)
-        price += min(float(np.log(inside * sd * np.sqrt(2.0 * np.pi))), 0.0)
+        if sd > 0.0:  # else it is not estimated
+            inside = ndtr((1.0 - at) / sd) - ndtr(-at / sd)
+            price += min(float(np.log(inside * sd * np.sqrt(2.0 * np.pi))), 0.0)
     return price
 
 

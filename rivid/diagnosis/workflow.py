@@ -698,14 +698,14 @@ def _as_twin(
     """Return `one`, as an extension of `parent`, with an effect of `twin` in place of that of `other`.
 
     The effect gets the dates of the one that it replaces, and as many sizes. None if one of the two is not in
-    the simulator, or if `parent` has the one replaced.
+    the simulator, if `parent` has the one replaced, or if the effect needs dates and the other has none.
     """
     mine, its = difference(other, twin) or (None, None)
     here = [i for i, e in enumerate(one.model.effects) if mine is not None and e.name == mine.name]
     if its not in twin.model.effects or len(here) != 1 or parent is None or not its.windowed:
         return None
     mine = one.model.effects[here[0]]
-    if mine.name in parent.names:
+    if mine.name in parent.names or its.needs_dates and mine.dates is None:
         return None
     key, many = its.varies_with_date, np.size(getattr(mine, mine.varies_with_date or "name"))
     sizes: dict[str, Any] = {}

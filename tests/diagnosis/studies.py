@@ -44,6 +44,7 @@ class Made:
     count: tuple = (0, 0)  # no effect in the simulator: materiality compares with the errors of the parent
     events: tuple = ()
     active: Callable = lambda record, effect: np.ones(record.days, bool)
+    errors_of: Callable = lambda index: {("place", None): 0.0}
     others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)

@@ -683,6 +683,9 @@ def test_a_place_costs_what_the_scores_leave_of_the_reach(place, sd):
     at = np.linspace(0.0, 1.0, 200_001)
     share = np.trapezoid(np.exp(-0.5 * TEMPER * ((at - place) / sd) ** 2), at)
     assert log_places(one) == pytest.approx(np.log(share), abs=1e-6)
+    for unknown in (0.0, np.nan):
+        sd = unknown
+        assert log_places(one) == 0.0
 
 
 def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():
