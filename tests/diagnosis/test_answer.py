@@ -145,7 +145,7 @@ def left_of(hours=2.0, shape="pulse", rows=(3, 5, 8, 12), evidence=EVIDENCE):
     )  # fmt: skip
     study = SimpleNamespace(
         record=evidence.record, split=SimpleNamespace(block=np.arange(days)), last=last, start=(),
-        ranking=[(last, 1.0)],
+        unknown=1.0, stranger=last, unknown_delays=(),
     )  # fmt: skip
     return _unknown(study, evidence)
 
