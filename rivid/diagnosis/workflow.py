@@ -697,8 +697,8 @@ def _as_twin(
 ) -> Explanation | None:
     """Return `one`, as an extension of `parent`, with an effect of `twin` in place of that of `other`.
 
-    The effect gets the dates of the one that it replaces, and as many sizes. None if one of the two is not in
-    the simulator, if `parent` has the one replaced, or if the effect needs dates and the other has none.
+    The effect gets the dates of the one that it replaces, and as many sizes. None if the result is `twin`, if
+    one of the two is not in the simulator, if `parent` has the one replaced, or if needed dates are missing.
     """
     mine, its = difference(other, twin) or (None, None)
     here = [i for i, e in enumerate(one.model.effects) if mine is not None and e.name == mine.name]
@@ -716,6 +716,8 @@ def _as_twin(
     effects[here[0]] = replace(its, dates=mine.dates, **sizes)
     free[here[0]] = twin.model.free[twin.model.effects.index(its)]
     model = replace(one.model, effects=tuple(effects), free=tuple(free))
+    if (model.effects, model.noise_kind) == (twin.model.effects, twin.model.noise_kind):
+        return None
     return replace(one, model=model, parent=parent, way=None)
 
 

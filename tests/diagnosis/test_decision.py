@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.special import softmax
 from scipy.stats import ttest_1samp
 
@@ -681,11 +682,14 @@ def test_a_place_costs_what_the_scores_leave_of_the_reach(place, sd):
     model = SimpleNamespace(effects=(CATALOGUE["leakage"](), inflow), free=(("loss",), ("inflow", "place")))
     one = SimpleNamespace(model=model, errors_of=lambda i: {("inflow", None): 0.1, ("place", None): sd})
     at = np.linspace(0.0, 1.0, 200_001)
-    share = np.trapezoid(np.exp(-0.5 * TEMPER * ((at - place) / sd) ** 2), at)
+    share = trapezoid(np.exp(-0.5 * TEMPER * ((at - place) / sd) ** 2), at)
     assert log_places(one) == pytest.approx(np.log(share), abs=1e-6)
-    for unknown in (0.0, np.nan):
-        sd = unknown
-        assert log_places(one) == 0.0
+
+
+@pytest.mark.parametrize("sd", [0.0, np.nan])
+def test_a_place_that_is_not_estimated_costs_nothing(sd):
+    model = SimpleNamespace(effects=(CATALOGUE["lateral_inflow"](),), free=(("inflow", "place"),))
+    assert log_places(SimpleNamespace(model=model, errors_of=lambda i: {("place", None): sd})) == 0.0
 
 
 def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():

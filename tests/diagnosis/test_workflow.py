@@ -11,7 +11,7 @@ from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike, ranked
 from rivid.diagnosis.explanation import STEPS, Way, fitted
 from rivid.diagnosis.fit import Model
-from rivid.diagnosis.workflow import _Search, diagnose, find_effects
+from rivid.diagnosis.workflow import _as_twin, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
@@ -466,6 +466,10 @@ def test_a_twin_is_tried_as_the_other_is_with_its_dates_and_number_of_sizes_besi
     assert alone.model.effects == (like,) and alone.model.free == (frees[lateral],)
     assert beside.model.effects == (like, pond) and beside.model.free == (frees[lateral], frees[pond])
     assert alone.parent is nothing and beside.parent is twin
+    frees[like] = frees[lateral]
+    same = held(nothing, like)
+    assert _as_twin(one, one, same, nothing) is None  # it is there already
+    assert _as_twin(one, one, twin, one) is None
 
 
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
