@@ -6,7 +6,7 @@ squared error that counts; and, until the exam has calibrated it, the exponent o
 
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -411,7 +411,7 @@ class Study:
     def core(self, one: Explanation) -> Core:
         """Return the names that are material given those before them, and the unknown cause if material."""
         names, unknown = self._given(one)
-        late = Counter(effect.name for effect in self.stand_ins(one, names))
+        late = Counter(effect.name for effect in self.stand_ins(one))
         return (tuple((Counter(names) - late).elements()), unknown or "flow") if late else (names, unknown)
 
     def _given(self, one: Explanation) -> Core:
@@ -445,18 +445,20 @@ class Study:
                 names = (*names, effect.name)
         return names, unknown
 
-    def stand_ins(self, one: Explanation, names: Collection[str]) -> tuple[Effect, ...]:
-        """Return the effects among `names` that stand for a delay of an unknown cause.
+    def stand_ins(self, one: Explanation) -> tuple[Effect, ...]:
+        """Return the material effects of an explanation that stand for a delay of an unknown cause.
 
-        They are degenerate, or two delays within dates that share a boundary inside the season: it is less
-        probable that two causes change on the same day by chance than that one cause has another form.
+        They are degenerate, or their dates share a boundary inside the season with those of another delay or
+        of an unknown flow: it is less probable that two causes change on the same day by chance than that
+        one cause has another form.
         """
+        names, unknown = self._given(one)
         opened = [self.record.dates[k] for k in np.flatnonzero(self.opened)]
         late = [e for e in one.model.effects if e.name in names and e not in self.start]
         late = [e for e in late if e.family == "timing" or isinstance(e, StillingWell)]
         inside = {  # boundaries inside the season, as numbers of open days before them
             e: {bisect_left(opened, e.dates[0]), bisect_right(opened, e.dates[1])} - {0, len(opened)}
-            for e in late
+            for e in (*late, *(e for e in one.model.effects if unknown and not e.name))
             if e.dates
         }
         pairs = [
@@ -615,9 +617,9 @@ class Study:
 
         able = [one for one, _ in self.ranking if wanted <= Counter(self.core(one)[0])]
         one = min(able, key=more)
-        # Immaterial effects are left out, unless what is fitted with them removes a material share.
+        # Immaterial effects are left out, unless what is fitted with them is material.
         bare = min((o for o in able if not more(o)), key=lambda o: len(o.names), default=one)
-        if not removed(one, bare, self.opened, self.split.block).any():
+        if not self._material(one, bare, self.opened):
             one = bare
         return aligned(one, self.record, self.opened, self.split.block)
 
@@ -639,7 +641,7 @@ class Study:
     def unknown_delays(self) -> tuple[Effect, ...]:
         """Effects of :attr:`stranger` that stand for a delay of an unknown cause."""
         one = self.stranger
-        return () if one is None else self.stand_ins(one, self._given(one)[0])
+        return () if one is None else self.stand_ins(one)
 
     @cached_property
     def unknown(self) -> float:

@@ -35,7 +35,7 @@ from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.result import Unknown, Where
 from rivid.diagnosis.search import with_events
 from rivid.effects import CATALOGUE, changes_of
-from rivid.effects.flow import PassingFlow, SideStorage
+from rivid.effects.flow import PassingFlow, RecurringFlow, SideStorage
 from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
 from tests import examples
 from tests.diagnosis import pools
@@ -182,9 +182,12 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert not study.contradicted
 
 
-@pytest.mark.parametrize(("more", "kept"), [(0.5 * MATERIAL, False), (2.0 * MATERIAL, True)])
+@pytest.mark.parametrize(
+    ("more", "kept"),
+    [(0.5 * MATERIAL, False), (2.0 * MATERIAL, True), ([MUCH, MUCH, MUCH, -MUCH], False)],
+)
 def test_an_immaterial_effect_stays_beside_the_names_where_the_errors_are_smaller_with_it(more, kept):
-    """As with the course of a size that was fitted beside it."""
+    """As with the course of a size that was fitted beside it; not where it makes a horizon worse."""
     nothing = explained()
     one = explained("leakage", 6.0, MUCH, parent=nothing)
     small = explained("outflow_lag", 0.5, more, parent=one)
@@ -626,10 +629,13 @@ def test_a_timing_effect_at_all_times_of_less_than_half_a_sample_is_not_named(ef
     assert Study._within_stamps(study, one, effect) == within
 
 
+def model_with(*effects):
+    return SimpleNamespace(**vars(explained().model) | {"effects": effects, "free": ((),) * len(effects)})
+
+
 def held(*effects):
     """Return an explanation of the season with effects in the simulator, the last one added, all material."""
-    model = SimpleNamespace(**vars(explained().model) | {"effects": effects, "free": ((),) * len(effects)})
-    one = explained()
+    model, one = model_with(*effects), explained()
     for effect in effects:
         one = explained(effect.name, 9.0, MUCH, parent=one, model=model)
     return one
@@ -692,6 +698,27 @@ def test_a_place_that_is_not_estimated_costs_nothing(sd):
     assert log_places(SimpleNamespace(model=model, errors_of=lambda i: {("place", None): sd})) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("name", "first", "last", "names"),
+    [
+        ("stilling_well", FIRST, END, ()),
+        ("stilling_well", FIRST + 4, END, ()),
+        ("stilling_well", FIRST + 4, MIDDLE, ("stilling_well",)),
+        ("inflow_gain_error", FIRST, END, ("inflow_gain_error",)),
+    ],
+)
+def test_a_delay_that_changes_with_an_unknown_flow_is_part_of_it(name, first, last, names):
+    """Regression: a clock 1,500 s late, taken out of the library, was a stilling well beside daily waves."""
+    delay = dated(name, first, last)
+    waves = RecurringFlow(waves=(1.0,) * 6, dates=(RECORD.dates[FIRST], RECORD.dates[END]))
+    alone = held(delay)
+    one = explained("", 9.0, MUCH, parent=alone, unknown="flow", model=model_with(delay, waves))
+    study = study_of(explained(), alone, one)
+    assert study.core(one) == (names, "flow") and study.core(alone) == ((name,), "")
+    study.found[one] = (name,), ""  # where the flow is immaterial
+    assert study.core(one) == ((name,), "")
+
+
 def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():
     assert _described(CATALOGUE["clock_offset"](offset=-268.0)) == "clock offset (4.5 min)"
     assert _described(CATALOGUE["gate_deadband"]()) == "gate deadband"
@@ -699,7 +726,7 @@ def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_thei
 
 def test_an_immaterial_delay_on_the_same_days_leaves_the_other_its_name():
     lag, clock = dated("outflow_lag", FIRST, END), dated("clock_offset", FIRST, END)
-    model = SimpleNamespace(**vars(explained().model) | {"effects": (lag, clock), "free": ((), ())})
+    model = model_with(lag, clock)
     parent = explained("outflow_lag", 9.0, MUCH, parent=explained(), model=model)
     one = explained("clock_offset", 9.0, 0.0, parent=parent, model=model)
     assert study_of(explained(), one).core(one) == (("outflow_lag",), "")
