@@ -6,7 +6,7 @@ squared error that counts; and, until the exam has calibrated it, the exponent o
 
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -57,8 +57,16 @@ def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
     return out
 
 
-def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: bool = True) -> Floats:
-    """Return the probability of each explanation, shape (explanations,); `ended` if the search is over.
+def ranked(
+    pool: Sequence[Explanation],
+    chosen: Bools,
+    blocks: Ints,
+    extended: Container[tuple[str, ...]] | None = (),
+) -> Floats:
+    """Return the probability of each explanation, shape (explanations,).
+
+    `extended` are the sorted names of the explanations beside which the search, which is over, tried further
+    effects; None if it continues.
 
     If a response has the same error for days, scores scatter more than under the noise model: with c times
     the variance, gains by chance are c times as large. The likeliest explanations with one effect, two
@@ -79,7 +87,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
         """Return the number of its effects; an unknown cause beside further effects counts as one more."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
-    misfit = _gains_of_misfit(pool, total, ended)
+    misfit = _gains_of_misfit(pool, total, extended)
     worth, known, reduced = scores.copy(), least, scores[least]
     for step in sorted({level(one) for one in pool}):
         lead = max((i for i, one in enumerate(pool) if level(one) == step), key=lambda i: total[i])
@@ -95,15 +103,18 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
     )  # fmt: skip
 
 
-def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended: bool) -> dict[int, float]:
+def _gains_of_misfit(
+    pool: Sequence[Explanation], total: Sequence[float], extended: Container[tuple[str, ...]] | None
+) -> dict[int, float]:
     """Estimate the variance of gains of absent effects, by the number of effects of an explanation.
 
     Beside all effects that act, another one gains where the response error resembles its column. Gains of one
     more effect over the likeliest explanation of each number of effects are chi-square variables times this
     variance. It follows from the third largest gain, as two effects may act. With fewer effects some that act
-    are missing: the least variance of the larger numbers is used. Beside the most effects none were tried
-    yet: no variance is known or, if the search has `ended`, that beside one effect less is used. Effects
-    confounded with a counted one and further stretches of the same effect are not counted.
+    are missing: the least variance of the larger numbers is used. Beside the most effects nothing gained
+    enough to be tried or, if none of this number is in `extended`, nothing was tried: that beside one effect
+    less is used, and none while the search continues. Effects confounded with a counted one and further
+    stretches of the same effect are not counted.
     """
     best: dict[Core, tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
@@ -122,7 +133,10 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended:
             if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for _, o in apart):
                 apart.append((gain, one))
         variance[number] = max(apart[2][0], 0.0) / THIRD if len(apart) > 2 else 0.0
-    first, last = min(gains, default=0), max(gains, default=0) - ended
+    first, last = min(gains, default=0), max(gains, default=0)
+    if extended is not None:
+        of_last = [(score, names) for (names, _), (score, _) in best.items() if len(set(names)) == last]
+        last -= max(of_last, default=(0.0, ()))[1] not in extended
     return {
         number: min((v for n, v in variance.items() if n > max(first, min(number, last))), default=0.0)
         for number in variance
@@ -316,6 +330,7 @@ class Study:
     pool: tuple[Explanation, ...]  # all explanations, scored
     notes: tuple[str, ...]
     start: tuple[Effect, ...] = ()  # effects known from the start
+    extended: Container[tuple[str, ...]] = ()  # sorted names beside which further effects were tried
     found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`_given`
 
     @cached_property
@@ -334,15 +349,16 @@ class Study:
         """The best explanation of each kind with its probability, most probable first."""
         pool = leading(self._counting, self.opened)
         paid, unpaid = list(pool), {i for i, one in enumerate(pool) if one.events}
-        chances = ranked(paid, self.opened, self.split.block)
+        days = self.opened, self.split.block
+        chances = ranked(paid, *days, self.extended)
         while probable := {i for i in unpaid if chances[i] > IMPROBABLE}:
             for i in probable:  # each needs a search
                 paid[i] = without_mirrored(paid[i], self.record, self.opened, self.split.block)
             unpaid -= probable
-            chances = ranked(paid, self.opened, self.split.block)
+            chances = ranked(paid, *days, self.extended)
         lead = paid[int(np.argmax(chances))]
         levelled = [self._levelled(one, lead) for one in paid]
-        chances = ranked(levelled, self.opened, self.split.block).tolist()
+        chances = ranked(levelled, *days, self.extended).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     def _levelled(self, one: Explanation, lead: Explanation) -> Explanation:
@@ -400,7 +416,7 @@ class Study:
         if not flexible or not known:
             return tuple(able)
         pool, days = leading(known, self.opened), (self.opened, self.split.block)
-        best = pool[int(np.argmax(ranked(pool, *days)))]
+        best = pool[int(np.argmax(ranked(pool, *days, self.extended)))]
         return (*known, *(one for one in flexible if removed(one, as_volume(best, one), *days)[0]))
 
     def _material(

@@ -198,6 +198,7 @@ class _Search:
         self.dealt = split(record.dates)
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
+        self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
@@ -343,7 +344,7 @@ class _Search:
         known = (one for one in self.pool if one.unknown != "dynamics")
         pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
         pool.sort(key=self.score, reverse=True)  # for the order of those with no probability
-        chances = ranked(pool, opened, block, ended=False)
+        chances = ranked(pool, opened, block, None)
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
@@ -361,6 +362,8 @@ class _Search:
         Returns the explanation that they extend: `parent`, or a better fit of the same.
         """
         parent, latent = self._with_unknown(parent)
+        if not parent.unknown:
+            self.extended.add(tuple(sorted(parent.names)))
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
         found = [
@@ -615,7 +618,7 @@ class _Search:
             return
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
-        chances = ranked(before, opened, self.dealt.block, ended=False).tolist()
+        chances = ranked(before, opened, self.dealt.block, None).tolist()
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
             same = rival.model.reach.name == lead.model.reach.name  # of another response the columns differ
@@ -635,7 +638,7 @@ class _Search:
         twin with other dates, sizes or noise need not come near from there: it is tried with these, too.
         """
         before = leading(self.pool, self.opened)
-        chances = ranked(before, self.opened, self.dealt.block, ended=False).tolist()
+        chances = ranked(before, self.opened, self.dealt.block, None).tolist()
         likely = [one for one, p in zip(before, chances, strict=True) if p >= 1.0 - ALONE]
         for one in likely:  # and all that they extend
             likely += [one.parent] if one.parent is not None and one.parent not in likely else []
@@ -689,7 +692,7 @@ class _Search:
 
     def study(self) -> Study:
         """Return the explanations found."""
-        return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start)
+        return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start, self.extended)
 
 
 def _as_twin(

@@ -494,8 +494,22 @@ def test_while_a_search_goes_on_the_rivals_of_a_last_effect_are_no_gains_of_chan
     head = explained("gate_head_effect", 30.0, MUCH, parent=nothing)
     both = explained("seiche", 40.0, MUCH, parent=head)
     rivals = [explained(name, 20.0, MUCH, parent=head) for name in ("clock_offset", "ice_cover")]
-    chances = ranked([nothing, head, both, *rivals], OPEN, BLOCK, ended=False)
+    chances = ranked([nothing, head, both, *rivals], OPEN, BLOCK, None)
     scores = [0.0, 30.0 / (20.0 / THIRD), *(30.0 / (20.0 / THIRD) + gain for gain in (40.0, 20.0, 20.0))]
+    assert chances == pytest.approx(softmax(scores))
+
+
+@pytest.mark.parametrize("names", [(), ("seiche",), ("leakage", "seiche"), ("clock_offset", "seiche")])
+def test_rivals_of_a_last_effect_are_no_gains_of_chance_where_nothing_gains_beside_it(names):
+    """Regression: nothing gained beside wind and a release; beside wind alone, what the release resembles."""
+    nothing = explained()
+    wind = explained("seiche", 30.0, MUCH, parent=nothing)
+    both = explained("leakage", 40.0, MUCH, parent=wind)
+    rivals = [explained(name, 20.0, MUCH, parent=wind) for name in ("clock_offset", "ice_cover")]
+    chances = ranked([nothing, wind, both, *rivals], OPEN, BLOCK, {names})
+    scale = 20.0 / THIRD
+    last = 1.0 if names == ("leakage", "seiche") else scale
+    scores = [0.0, 30.0 / scale, *(30.0 / scale + gain / last for gain in (40.0, 20.0, 20.0))]
     assert chances == pytest.approx(softmax(scores))
 
 
