@@ -488,29 +488,25 @@ def test_gains_are_divided_by_what_others_gain_beside_all_that_act(third, act):
     assert ranked(pool, OPEN, BLOCK) == pytest.approx(softmax(expected))
 
 
-def test_while_a_search_goes_on_the_rivals_of_a_last_effect_are_no_gains_of_chance():
-    """Imitations of a second effect would prevent its extension, which shows the remaining gain beside it."""
-    nothing = explained()
-    head = explained("gate_head_effect", 30.0, MUCH, parent=nothing)
-    both = explained("seiche", 40.0, MUCH, parent=head)
-    rivals = [explained(name, 20.0, MUCH, parent=head) for name in ("clock_offset", "ice_cover")]
-    chances = ranked([nothing, head, both, *rivals], OPEN, BLOCK, None)
-    scores = [0.0, 30.0 / (20.0 / THIRD), *(30.0 / (20.0 / THIRD) + gain for gain in (40.0, 20.0, 20.0))]
-    assert chances == pytest.approx(softmax(scores))
+@pytest.mark.parametrize(
+    ("names", "known"),
+    [((), False), (("seiche",), False), (("leakage", "seiche"), True), (("rain_inflow", "seiche"), False),
+     (None, True)],
+)  # fmt: skip
+def test_rivals_of_a_last_effect_are_no_gains_of_chance_where_nothing_gains_beside_it(names, known):
+    """While a search goes on they would prevent its extension, which shows the remaining gain beside it.
 
-
-@pytest.mark.parametrize("names", [(), ("seiche",), ("leakage", "seiche"), ("clock_offset", "seiche")])
-def test_rivals_of_a_last_effect_are_no_gains_of_chance_where_nothing_gains_beside_it(names):
-    """Regression: nothing gained beside wind and a release; beside wind alone, what the release resembles."""
+    Regression: nothing gained beside wind and a release; beside wind alone, what resembles the release did.
+    """
     nothing = explained()
-    wind = explained("seiche", 30.0, MUCH, parent=nothing)
-    both = explained("leakage", 40.0, MUCH, parent=wind)
-    rivals = [explained(name, 20.0, MUCH, parent=wind) for name in ("clock_offset", "ice_cover")]
-    chances = ranked([nothing, wind, both, *rivals], OPEN, BLOCK, {names})
-    scale = 20.0 / THIRD
-    last = 1.0 if names == ("leakage", "seiche") else scale
-    scores = [0.0, 30.0 / scale, *(30.0 / scale + gain / last for gain in (40.0, 20.0, 20.0))]
-    assert chances == pytest.approx(softmax(scores))
+    wind = explained("seiche", 6.0, MUCH, parent=nothing)
+    both = explained("leakage", 8.0, MUCH, parent=wind)
+    rivals = [explained(name, 4.0, MUCH, parent=wind) for name in ("clock_offset", "rain_inflow")]
+    chances = ranked([nothing, wind, both, *rivals], OPEN, BLOCK, None if names is None else {names})
+    scale = 4.0 / THIRD
+    last = 1.0 if known else scale
+    scores = [0.0, 6.0 / scale, *(6.0 / scale + gain / last for gain in (8.0, 4.0, 4.0))]
+    assert np.log(chances) == pytest.approx(np.log(softmax(scores)))
 
 
 def test_twins_beside_an_effect_are_one_gain_of_chance():
