@@ -111,10 +111,10 @@ def _gains_of_misfit(
     Beside all effects that act, another one gains where the response error resembles its column. Gains of one
     more effect over the likeliest explanation of each number of effects are chi-square variables times this
     variance. It follows from the third largest gain, as two effects may act. With fewer effects some that act
-    are missing: the least variance of the larger numbers is used. Beside the most effects nothing gained
-    enough to be tried or, if none of this number is in `extended`, nothing was tried: that beside one effect
-    less is used, and none while the search continues. Effects confounded with a counted one and further
-    stretches of the same effect are not counted.
+    are missing: the least variance of the larger numbers is used. Beside the most effects it is 0 if the
+    likeliest is in `extended`, since nothing gained enough to be tried. Else nothing was tried: that beside
+    one effect less is used, and none while the search continues. Effects confounded with a counted one and
+    further stretches of the same effect are not counted.
     """
     best: dict[Core, tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
@@ -136,7 +136,10 @@ def _gains_of_misfit(
     first, last = min(gains, default=0), max(gains, default=0)
     if extended is not None:
         of_last = [(score, names) for (names, _), (score, _) in best.items() if len(set(names)) == last]
-        last -= max(of_last, default=(0.0, ()))[1] not in extended
+        if max(of_last, default=(0.0, ()))[1] in extended:
+            variance[last + 1] = 0.0
+        else:
+            last -= 1
     return {
         number: min((v for n, v in variance.items() if n > max(first, min(number, last))), default=0.0)
         for number in variance

@@ -504,8 +504,8 @@ def test_rivals_of_a_last_effect_are_no_gains_of_chance_where_nothing_gains_besi
     rivals = [explained(name, 4.0, MUCH, parent=wind) for name in ("clock_offset", "rain_inflow")]
     chances = ranked([nothing, wind, both, *rivals], OPEN, BLOCK, None if names is None else {names})
     scale = 4.0 / THIRD
-    last = 1.0 if known else scale
-    scores = [0.0, 6.0 / scale, *(6.0 / scale + gain / last for gain in (8.0, 4.0, 4.0))]
+    first, last = 1.0 if known and names else scale, 1.0 if known else scale
+    scores = [0.0, 6.0 / first, *(6.0 / first + gain / last for gain in (8.0, 4.0, 4.0))]
     assert np.log(chances) == pytest.approx(np.log(softmax(scores)))
 
 
