@@ -113,8 +113,8 @@ def _gains_of_misfit(
     variance. It follows from the third largest gain, as two effects may act. With fewer effects some that act
     are missing: the least variance of the larger numbers is used. Beside the most effects it is 0 if the
     likeliest is in `extended`, since nothing gained enough to be tried. Else nothing was tried: that beside
-    one effect less is used, and none while the search continues. Effects confounded with a counted one and
-    further stretches of the same effect are not counted.
+    one effect less is used, and none while the search continues. Effects confounded with one that gains more,
+    and further stretches of the same effect, are not counted.
     """
     best: dict[Core, tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
@@ -128,11 +128,12 @@ def _gains_of_misfit(
             gains.setdefault(len(set(names)), []).append((score - max(less), one))
     variance: dict[int, float] = {}
     for number, many in gains.items():
-        apart: list[tuple[float, Explanation]] = []
+        apart, larger = list[float](), list[Explanation]()
         for gain, one in sorted(many, key=lambda pair: -pair[0]):
-            if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for _, o in apart):
-                apart.append((gain, one))
-        variance[number] = max(apart[2][0], 0.0) / THIRD if len(apart) > 2 else 0.0
+            if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for o in larger):
+                apart.append(gain)
+            larger.append(one)
+        variance[number] = max(apart[2], 0.0) / THIRD if len(apart) > 2 else 0.0
     first, last = min(gains, default=0), max(gains, default=0)
     if extended is not None:
         of_last = [(score, names) for (names, _), (score, _) in best.items() if len(set(names)) == last]

@@ -509,13 +509,19 @@ def test_rivals_of_a_last_effect_are_no_gains_of_chance_where_nothing_gains_besi
     assert np.log(chances) == pytest.approx(np.log(softmax(scores)))
 
 
-def test_twins_beside_an_effect_are_one_gain_of_chance():
+@pytest.mark.parametrize(
+    "twins",
+    [("inflow_gain_error", "outflow_gain_error"),
+     # the drift is a twin of the inflow, which is one of the release
+     ("unlogged_upstream_release", "lateral_inflow", "sensor_drift")],
+)  # fmt: skip
+def test_twins_beside_an_effect_are_one_gain_of_chance(twins):
     nothing = explained()
-    leak = explained("leakage", 30.0, MUCH, parent=nothing)
-    twins = [explained(name, 20.0, MUCH, parent=leak) for name in ("inflow_gain_error", "outflow_gain_error")]
-    other = explained("seiche", 20.0, MUCH, parent=leak)
-    chances = ranked([nothing, leak, *twins, other], OPEN, BLOCK)
-    assert chances == pytest.approx(softmax([0.0, 30.0, 50.0, 50.0, 50.0]))
+    lag = explained("outflow_lag", 3.0, MUCH, parent=nothing)
+    beside = [explained(name, 8.0 - k, MUCH, parent=lag) for k, name in enumerate((*twins, "seiche"))]
+    chances = ranked([nothing, lag, *beside], OPEN, BLOCK)
+    scores = [0.0, 3.0, *(11.0 - k for k in range(len(beside)))]
+    assert np.log(chances) == pytest.approx(np.log(softmax(scores)))
 
 
 def test_a_further_stretch_is_the_same_effect_and_no_gain_of_chance():
