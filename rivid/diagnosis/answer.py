@@ -142,7 +142,8 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         return "partly_explained", f"Named: {names}.{what} The error: {shown}."
     more = study.chance(lambda names, _: Counter(names) > counted)
     if more >= UNKNOWN:
-        others = [_words(n) for n in study.names if study.chance_of(n, counted[n] + 1) >= 1.0 - ALONE]
+        able = [n for n in study.names if study.chance_of(n, counted[n] + 1) >= 1.0 - ALONE]
+        others = [_words(n) for n in study.group or able]
         which = f", perhaps {' or '.join(others)}" if others else ""
         return "partly_explained", (
             f"Named: {names}. One more is missing with a probability of {more:.2f}{which}. The error: "
@@ -187,7 +188,7 @@ def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> s
         if study.unfit or kind == "dynamics":
             return "Measure the reach's length, width and depth, and time one wave between the dams."
         return USUAL["level" if kind == "gauge" else "flow"]
-    if verdict == "cannot_tell":
+    if verdict in ("cannot_tell", "partly_explained") and study.group:
         first, *rest = (classes[name] for name in study.group)
         return breaker(first, rest) or USUAL[first.family]
     return None
@@ -231,19 +232,18 @@ def _ranking(study: Study) -> tuple[Ranked, ...]:
 
 
 def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect, ...]:
-    """Return the sure effects or, if there are none, the first of the group with the others as ties."""
-    if not (study.sure or study.group):
-        return ()
-    tied = () if study.sure else study.group[1:]
-    others = [name for name in study.names if name not in study.sure and name not in tied]
-    runner_up = tied[0] if tied else next(iter(others), None)
+    """Return the sure effects, and the first of the group with the others as ties."""
+    wanted = (*study.sure, *study.group[:1])
+    others = [name for name in study.names if name not in (*study.sure, *study.group[1:])]
     last = study.last
     found: list[NamedEffect] = []
     for step in study.steps:
         effect = step.added
         times = 1 + sum(one.name == effect.name for one in found) if effect is not None else 0
-        if effect is None or times > (study.sure or study.group[:1]).count(effect.name):
+        if effect is None or times > wanted.count(effect.name):
             continue
+        tied = () if effect.name in study.sure else study.group[1:]
+        runner_up = next(iter(tied or others), None)
         same = [i for i, e in enumerate(last.effects) if e.name == effect.name]
         index = same[min(times, len(same)) - 1]
         effect = last.effects[index]

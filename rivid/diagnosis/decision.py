@@ -615,18 +615,21 @@ class Study:
 
     @cached_property
     def group(self) -> tuple[str, ...]:
-        """The fewest names that are probable enough together; empty if all names together are not."""
-        found: list[str] = []
-        for name in () if self.unfit else self.names:
-            found.append(name)
-            if self.chance(lambda names, _: not set(names).isdisjoint(found)) >= TOGETHER:
-                return tuple(found)
-        return ()
+        """The fewest names of which one acts beside the sure ones, probably enough; empty if none need to."""
+
+        def beside(found: Sequence[str]) -> float:
+            """Return the probability that one of the names acts beside all sure ones."""
+            return self.chance(lambda names, _: {*self.sure} <= {*names} and not {*names}.isdisjoint(found))
+
+        others = [] if self.unfit else [name for name in self.names if name not in self.sure]
+        others.sort(key=lambda name: -beside([name]))
+        groups = (tuple(others[:k]) for k in range(1, len(others) + 1))
+        return next((found for found in groups if beside(found) >= TOGETHER), ())
 
     @cached_property
     def last(self) -> Explanation:
-        """The most probable explanation with the sure names or, without any, the first name of the group."""
-        wanted = Counter(self.sure or self.group[:1])
+        """The most probable explanation with the sure names and the first name of the group."""
+        wanted = Counter((*self.sure, *self.group[:1]))
         if not wanted:
             return self.first
 

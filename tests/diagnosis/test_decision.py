@@ -10,7 +10,7 @@ from scipy.integrate import trapezoid
 from scipy.special import softmax
 from scipy.stats import ttest_1samp
 
-from rivid.diagnosis.answer import USUAL, _described, _next, _ranking, _small, _verdict
+from rivid.diagnosis.answer import USUAL, _described, _named, _next, _ranking, _small, _verdict
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import (
     DOUBT,
@@ -178,7 +178,7 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert study.chance_of("leakage") == pytest.approx(p[1:].sum())
     assert study.chance_of("outflow_lag") == 0.0
     assert study.sure == ("leakage",) and study.last is one and study.steps == (one,)
-    assert study.group == ("leakage",)
+    assert study.group == ()
     assert not study.contradicted
 
 
@@ -225,6 +225,28 @@ def test_an_effect_that_is_material_only_beside_another_is_named_with_it():
     assert set(study_of(nothing, clock, gain, both).sure) == {"clock_offset", "outflow_gain_error"}
     less = replace(both, errors=gain.errors)
     assert study_of(nothing, clock, gain, less).sure == ("outflow_gain_error",)
+
+
+@pytest.mark.parametrize(("third", "tied"), [(10.0, True), (16.0, False)])
+def test_names_of_which_one_acts_beside_a_sure_one_are_a_group_beside_it(third, tied):
+    """Regression: beside a release either gain error had 0.4, and neither was in the answer."""
+    nothing = explained()
+    one = explained("leakage", 40.0, MUCH, parent=nothing)
+    twins = ("inflow_gain_error", "outflow_gain_error")
+    pairs = [explained(name, 10.0 - k / 10.0, 2 * MUCH, parent=one)
+             for k, name in enumerate(twins)]  # fmt: skip
+    apart = explained("rain_inflow", third, MUCH, parent=nothing)
+    unsure = explained("", third, MUCH, unknown="flow", parent=one)
+    study = study_of(nothing, one, *pairs, apart, *[unsure][tied:])
+    assert study.sure == ("leakage",)
+    assert study.group == (twins if tied else ())
+    assert study.last is (pairs[0] if tied else one)
+    given = [(e.name, e.tied_with, e.runner_up) for e in _named(study, dict(CATALOGUE))]
+    second = (twins[0], twins[1:], twins[1])
+    assert given == [("leakage", (), twins[0]), *[second][: int(tied)]]
+    verdict, reason = _verdict(study, gap_of(evidence_of()), None)
+    assert verdict == "partly_explained" and ("gain error or outflow gain" in reason) == tied
+    assert bool(_next(study, verdict, dict(CATALOGUE))) == tied
 
 
 def test_a_second_effect_of_a_name_is_as_probable_as_what_holds_two():
@@ -371,7 +393,7 @@ def test_twins_are_tied_where_unknown_dynamics_gain_more_than_what_separates_the
     assert study.chance_of("leakage") == pytest.approx(0.5 if tied else 1.0, abs=1e-3)
     assert study.chance_of("gate_head_effect") == pytest.approx(0.5 if tied else 0.0, abs=1e-3)
     assert study.sure == (() if tied else ("leakage",))
-    assert study.group == (("leakage", "gate_head_effect") if tied else ("leakage",))
+    assert study.group == (("leakage", "gate_head_effect") if tied else ())
 
 
 def test_an_unknown_that_changes_nothing_material_is_none():

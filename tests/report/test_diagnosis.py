@@ -67,6 +67,16 @@ def test_the_files_are_those_of_the_contract(out):
     assert "shown" not in answer["closed_loop"]
 
 
+def test_a_tie_beside_a_named_effect_is_one_more_that_is_missing(tmp_path):
+    answer = diagnosis("partly_explained", EVIDENCE, effects=(DIURNAL, TIED), unknown=None)
+    text = headline(answer)
+    assert text.startswith("Diurnal inflow was missing: ") and "no name yet" not in text
+    others = " or ".join(name.replace("_", " ") for name in TIED.tied_with)
+    assert f"One more is missing. It is {TIED.name.replace('_', ' ')} or {others}; these data" in text
+    alone = diagnosis("partly_explained", EVIDENCE, effects=(DIURNAL,), unknown=None)
+    assert headline(alone).endswith("More is missing and has no name yet.")
+
+
 @pytest.mark.parametrize(
     ("evidence", "unit", "size"), [(EVIDENCE, "m", "31 mm"), (RIVER, "m3/s", "0.031 m³/s")]
 )
