@@ -379,7 +379,7 @@ def settled(model: Model, record: Record, number: int) -> Model:
     free = model.reach.parameters
     mean, sd, low, high = (np.array([getattr(p, key) for p in free]) for key in ("mean", "sd", "low", "high"))
     rng, k, noise = np.random.default_rng(number), len(free), model.noise
-    at, spread = np.zeros(k), np.eye(k)  # in prior standard deviations
+    at, root = np.zeros(k), np.eye(k)  # in prior standard deviations
 
     def left(x: Floats) -> Floats | None:
         try:
@@ -389,7 +389,7 @@ def settled(model: Model, record: Record, number: int) -> Model:
             return None
 
     for _ in range(TURNS):
-        draws = rng.standard_normal((k + 2, k)) @ np.linalg.cholesky(spread).T
+        draws = rng.standard_normal((k + 2, k)) @ root.T
         x = np.clip(at + np.concatenate([draws, -draws]), (low - mean) / sd, (high - mean) / sd)
         runs = [left(one) for one in x]
         kept = [i for i, run in enumerate(runs) if run is not None]
@@ -406,8 +406,13 @@ def settled(model: Model, record: Record, number: int) -> Model:
         bent = ((white - here - off @ slopes) ** 2).sum() / (len(x) - k)
         best = here - np.linalg.lstsq(G, g, rcond=None)[0] @ slopes
         size = max(LASTS * float(bent + best @ best) / len(here), 1.0)
-        spread = np.linalg.inv(G / size + np.eye(k))
-        at = np.clip(spread @ (G @ x.mean(axis=0) - g) / size, (low - mean) / sd, (high - mean) / sd)
+        # The eigenvalues are 1 or more, by the prior; by rounding an inverse may have no Cholesky root.
+        values, vectors = np.linalg.eigh(G / size + np.eye(k))
+        root = vectors / np.sqrt(np.maximum(values, 1.0))
+        at = x.mean(axis=0) - root @ (root.T @ (x.mean(axis=0) + g / size))
+        at = np.clip(at, (low - mean) / sd, (high - mean) / sd)
+        root = np.linalg.qr(root.T)[1].T
+        root *= np.sign(np.diag(root))
     return replace(model, reach=model.reach.with_parameters(mean + sd * at))
 
 

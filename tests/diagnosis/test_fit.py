@@ -162,6 +162,16 @@ def test_a_linear_response_settles_where_it_is_fitted():
         assert off @ precision(wanted, record) @ off < 0.05
 
 
+@pytest.mark.parametrize("sd", [1e6, 1e7])
+def test_parameters_that_the_days_hardly_separate_settle(sd):
+    """Regression: after a fit of lock pulses, an inverse covariance had no Cholesky root, by rounding."""
+    record = columns(np.random.default_rng(1), 5)
+    apart = record.inflow + 3e-8 * record.outflow
+    record = replace(record, outflow=apart, output=record.inflow)
+    a, b = vector_of(settled(curve_of(Curve(two(sd=sd, high=1e12)), record), record, 0).reach)
+    assert a + b == pytest.approx(1.0, abs=1e-3)
+
+
 def short_pool(seed, days=4, T_s=168.0):
     """Return a pool that waves cross in one and a half samples, and days of another, likely by its priors."""
     rng, n = np.random.default_rng(seed), round(86400.0 / T_s)
