@@ -619,7 +619,8 @@ class Study:
 
         def beside(found: Sequence[str]) -> float:
             """Return the probability that one of the names acts beside all sure ones."""
-            return self.chance(lambda names, _: {*self.sure} <= {*names} and not {*names}.isdisjoint(found))
+            sure = Counter(self.sure)
+            return self.chance(lambda names, _: sure <= Counter(names) and not {*names}.isdisjoint(found))
 
         others = [] if self.unfit else [name for name in self.names if name not in self.sure]
         others.sort(key=lambda name: -beside([name]))

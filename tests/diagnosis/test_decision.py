@@ -264,6 +264,12 @@ def test_a_second_effect_of_a_name_is_as_probable_as_what_holds_two():
     assert twice.sure == ("leakage", "leakage")
     verdict, reason = _verdict(twice, gap_of(evidence_of(RECORD)), None)
     assert verdict == "explained" and reason.startswith("Leakage (twice) has a probability")
+    more = [
+        explained(name, nats, 2 * MUCH, parent=parent)
+        for name, nats, parent in (("outflow_lag", 100.3, one), ("sensor_drift", 40.5, again))
+    ]
+    apart = study_of(nothing, one, *more)
+    assert apart.sure == ("leakage", "leakage") and apart.group == () and apart.last is more[1]
 
 
 RAIN, LATERAL = CATALOGUE["rain_inflow"], CATALOGUE["lateral_inflow"]
