@@ -200,6 +200,9 @@ class _Search:
         self.pool: list[Explanation] = []
         self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
+        self.tried: list[
+            tuple[Explanation, Explanation]
+        ] = []  # parents, and whose response was tried for them
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
@@ -356,7 +359,7 @@ class _Search:
         )
         return next(counts, study.first)
 
-    def extend(self, parent: Explanation) -> Explanation:
+    def extend(self, parent: Explanation, early: bool = True) -> Explanation:
         """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool.
 
         Returns the explanation that they extend: `parent`, or a better fit of the same.
@@ -370,10 +373,15 @@ class _Search:
             c for c in screened(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
-        if not parent.unknown and parent.bonus is None:
-            self._with_recurring(parent, found)
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
         wanted = [_near(one, record) for one in (*_worth_trying(found), *dated)]
+        if early:  # all others begin at the response of the first one, if that is better
+            self._grow(parent, wanted[:1])
+            if (again := self.again(parent)) is not parent:
+                return self.extend(again, early=False)
+            wanted = wanted[1:]
+        if not parent.unknown and parent.bonus is None:
+            self._with_recurring(parent, found)
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
@@ -555,13 +563,16 @@ class _Search:
 
     def _fitted_on(self, one: Explanation, near: Explanation | None) -> Explanation | None:
         """Refit an explanation as long as it can become the likeliest of all."""
+
         # New columns about the response of `near` are computed only if the fit is better with it.
+        def enough(fit: Explanation) -> float:
+            return max((max(map(self.score, self.pool)) - self.score(fit)) / FRESH, ENOUGH)
+
         if near in (None, one):
-            behind = max(map(self.score, self.pool)) - self.score(one)
-            return self._fitted(one, one, FRESH, enough=max(behind / FRESH, ENOUGH))
+            return self._fitted(one, one, FRESH, enough=enough(one))
         more = self._fitted(one, near)
         better = more is not None and self.score(more) > self.score(one)
-        return self._fitted(more, more, 1) if more is not None and better else more
+        return self._fitted(more, more, 1, enough=enough(more)) if more is not None and better else more
 
     def shifted(self, lead: Explanation) -> Explanation:
         """Move the dates and hours of the last effect of `lead` as long as that is likelier."""
@@ -597,8 +608,9 @@ class _Search:
         """Refit `parent` from the response of its likeliest extension; return the better one."""
         # Otherwise an effect that leads the response out of a local optimum is credited with that gain.
         lead = self.likeliest(parent)
-        if lead is parent:
+        if lead is parent or (parent, lead) in self.tried:
             return parent
+        self.tried.append((parent, lead))
         self.report(0.05, "refitting without the effect that leads")
         one = self._fitted(replace(parent, way=None), lead, 2)
         if one is None:
