@@ -200,9 +200,7 @@ class _Search:
         self.pool: list[Explanation] = []
         self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
-        self.tried: list[
-            tuple[Explanation, Explanation]
-        ] = []  # parents, and whose response was tried for them
+        self.tried: list[tuple[Explanation, Explanation]] = []  # refits by :meth:`again`
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
