@@ -174,7 +174,7 @@ def fitted(
     start: Explanation | None = None,
     steps: int = STEPS,  # maximum number of steps
     fresh: int = 0,  # maximum number of recomputations of the columns
-    enough: float = ENOUGH,  # the fit ends when a step, or all steps, with new columns gain less [nats]
+    enough: float = ENOUGH,  # the fit ends when a step with new columns gains less [nats]
     quick: bool = False,  # whether the final noise is fitted from that of the last step alone
 ) -> Explanation:
     """Fit a model and its noise to the open days (days,), starting at the model's values.
@@ -182,8 +182,7 @@ def fitted(
     `start` may be a fit of a similar model: its columns of the response's parameters and, for the first
     steps, its noise and weights are used. Otherwise columns are computed, and the noise fitted, at the start.
     Columns are recomputed after the first step, and when a step gains less than `enough` or
-    :data:`RELIABLE` of its predicted gain; but not if the likelihood, noise included, has gained less than
-    `enough` since they were computed last. In a step the output changes as that of the cheaper response
+    :data:`RELIABLE` of its predicted gain. In a step the output changes as that of the cheaper response
     (:attr:`Response.rough`) does; what the costly one adds is computed with new columns and before the end.
     Raises RividError if the reach cannot carry the flows.
     """
@@ -205,7 +204,6 @@ def fitted(
     J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights, stale, corrected = LEAST_DAMPING, None, start is not None, False
-    last: Floats | None = None  # log-likelihood of the days when columns were computed last
     for step in range(steps):
         seen = np.where(few.used, z, np.nan)
         if same and start is not None and step < FIXED:
@@ -246,9 +244,6 @@ def fitted(
             stale, corrected = True, False
             continue
         ended = fresh == 0 or not stale and fell < enough
-        if not ended:
-            likely = noise.log_likelihood(np.where(few.used, z, np.nan), few.activity)
-            ended, last = last is not None and float(weights @ (likely - last)) < enough, likely
         if ended and (exact or corrected):
             break
         if not exact:
