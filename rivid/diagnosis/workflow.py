@@ -200,7 +200,7 @@ class _Search:
         self.pool: list[Explanation] = []
         self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
-        self.tried: list[tuple[Explanation, Explanation]] = []  # refits by :meth:`again`
+        self.tried: list[tuple[Explanation, Explanation]] = []  # by :meth:`again`: parent and extension
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
@@ -360,7 +360,8 @@ class _Search:
     def extend(self, parent: Explanation, early: bool = True) -> Explanation:
         """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool.
 
-        Returns the explanation that they extend: `parent`, or a better fit of the same.
+        Returns the explanation that they extend: `parent`, or a better fit of the same; with `early` also one
+        from the response of the first effect.
         """
         parent, latent = self._with_unknown(parent)
         if not parent.unknown:
@@ -562,13 +563,13 @@ class _Search:
     def _fitted_on(self, one: Explanation, near: Explanation | None) -> Explanation | None:
         """Refit an explanation as long as it can become the likeliest of all."""
 
-        # New columns about the response of `near` are computed only if the fit is better with it.
         def enough(fit: Explanation) -> float:
             return max((max(map(self.score, self.pool)) - self.score(fit)) / FRESH, ENOUGH)
 
         if near in (None, one):
             return self._fitted(one, one, FRESH, enough=enough(one))
         more = self._fitted(one, near)
+        # New columns about the response of `near` are computed only if the fit is better with it.
         better = more is not None and self.score(more) > self.score(one)
         return self._fitted(more, more, 1, enough=enough(more)) if more is not None and better else more
 
