@@ -9,8 +9,8 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike, ranked
-from rivid.diagnosis.explanation import STEPS, Way, fitted
-from rivid.diagnosis.fit import Model
+from rivid.diagnosis.explanation import FRESH, STEPS, Way, fitted
+from rivid.diagnosis.fit import ENOUGH, Model
 from rivid.diagnosis.workflow import _as_twin, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import PassingFlow, RecurringFlow
@@ -393,6 +393,81 @@ def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeyp
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
     find_effects(pools.season(6, DAYS, (), T_S), (), {})
     assert asked == [better, better]
+
+
+def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monkeypatch):
+    """All were fitted from a response that the first showed to be biased, then again from a better one."""
+    classes = {name: CATALOGUE[name] for name in ("leakage", "outflow_lag", "outflow_gain_error")}
+    found = [SimpleNamespace(effect=one(), worth=9.0, columns=None) for one in classes.values()]
+    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *given: found)
+    biased, better = explained(), explained()
+
+    def grown(again):
+        """Return the parent and the names of each extension, in the order of their fits."""
+        grown = []
+
+        def grow(parent, ways):
+            grown.append((parent, [way.name for way in ways]))
+            return [None] * len(ways)
+
+        search = SimpleNamespace(
+            record=pools.season(6, DAYS, (), T_S), classes=classes, extended=set(), pool=[], again=again,
+            extend=lambda parent, early: _Search.extend(search, parent, early),
+            _grow=grow, _with_unknown=lambda parent: (parent, []), _library=lambda parent: None,
+            _dated=lambda parent: [], _with_recurring=lambda *given: None,
+            _with_unknown_events=lambda *given: None,
+        )  # fmt: skip
+        return _Search.extend(search, biased), grown
+
+    first, *others = classes
+    assert grown(lambda parent: parent) == (biased, [(biased, [first]), (biased, others)])
+    assert grown(lambda parent: better) == (better, [(biased, [first]), (better, [first, *others])])
+
+
+def test_an_explanation_is_refitted_once_from_the_response_of_the_same_extension():
+    nothing = explained()
+    leak = explained("leakage", 9.0, 0.5, parent=nothing)
+    fits = []
+    search = SimpleNamespace(
+        pool=[nothing, leak], tried=[], opened=OPEN, report=lambda *given: None,
+        score=lambda one: float(one.density[OPEN].sum()), likeliest=lambda parent: search.pool[1],
+        _fitted=lambda one, near, fresh: fits.append((one.names, near)),
+    )  # fmt: skip
+    assert _Search.again(search, nothing) is _Search.again(search, nothing) is nothing
+    assert fits == [((), leak)]
+    search.pool[1] = leakier = explained("leakage", 12.0, 0.5, parent=nothing)
+    assert _Search.again(search, nothing) is nothing
+    assert fits[1:] == [((), leakier)]
+
+
+def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_front():
+    lead, rival = explained("leakage", 90.0, 0.5), explained("outflow_lag", 50.0, 0.5)
+    calls = []
+
+    def fit(one, near, fresh=0, *, enough=ENOUGH):
+        calls.append((near, fresh, enough))
+        return better
+
+    def refitted(near):
+        calls.clear()
+        search = SimpleNamespace(
+            pool=[lead, rival], score=lambda one: float(one.density[OPEN].sum()), _fitted=fit
+        )
+        assert _Search._fitted_on(search, rival, near) is better
+        return [(start, fresh, pytest.approx(enough)) for start, fresh, enough in calls]
+
+    def behind(one):
+        return float((lead.density - one.density)[OPEN].sum()) / FRESH
+
+    better = explained("outflow_lag", 60.0, 0.5)
+    assert behind(better) > ENOUGH
+    assert refitted(None) == [(rival, FRESH, behind(rival))]
+    # from the response of the lead: without new columns first, with them as far as it is still behind then
+    assert refitted(lead) == [(lead, 0, ENOUGH), (better, 1, behind(better))]
+    better = explained("outflow_lag", 100.0, 0.5)
+    assert refitted(lead)[1] == (better, 1, ENOUGH)
+    better = explained("outflow_lag", 40.0, 0.5)
+    assert len(refitted(lead)) == 1
 
 
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
