@@ -223,6 +223,42 @@ def test_numbers_of_seconds_or_milliseconds_since_1970_are_times(name, unit, tim
     assert raw["reach"]["sample_time"] == 300
 
 
+@pytest.mark.parametrize(
+    ("name", "step", "time_format", "sample_time"),
+    [
+        ("t [s]", 0.05, "unix", 0.05),
+        ("time_ms", 50, "unix_ms", 0.05),
+        ("Zeit", 1, "unix", 1),
+        ("x", 0.3, "unix", 0.3),
+    ],
+)
+def test_seconds_in_equal_steps_from_any_begin_are_times_with_a_question(
+    name, step, time_format, sample_time, tmp_path
+):
+    path = tmp_path / "canal.csv"
+    rows = [
+        f"{step * k:.6g},{i},{o},{h}"
+        for k, (i, o, h) in enumerate(zip(UP, DOWN, LEVEL, strict=True))
+        if k != 9
+    ]
+    path.write_text("\n".join([f"{name},inflow_m3s,outflow_m3s,level_m", *rows]))
+    proposal = sniff(path)
+    raw = tomllib.loads(proposal.toml)
+    assert raw["input"]["time_format"] == time_format and raw["input"].get("time", "time") == name
+    assert raw["reach"]["sample_time"] == pytest.approx(sample_time)
+    assert any("has no dates" in question for question in proposal.open_questions)
+
+
+@pytest.mark.parametrize(("name", "step"), [("sample", 1), ("t_min", 5), ("time [h]", 0.25), ("t", -1)])
+def test_numbers_of_rows_and_times_in_units_that_no_format_counts_are_refused(name, step, tmp_path):
+    path = tmp_path / "canal.csv"
+    path.write_text(
+        f"{name},inflow_m3s,level_m\n" + "".join(f"{step * k},{100 + k},{k % 7}\n" for k in range(99))
+    )
+    with pytest.raises(DataError, match="no column reads as times"):
+        sniff(path)
+
+
 def test_numbers_that_are_no_times_are_refused_with_the_formats_of_numbers(tmp_path):
     path = tmp_path / "export.csv"
     path.write_text("storage,inflow_m3s,level_m\n" + "".join(f"{4e8:.0f},{100 + k},{k}\n" for k in range(9)))

@@ -31,6 +31,8 @@ _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
 EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
 # names of columns of times
 _TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
+_MILLI = r"(?<![a-z])(ms|msec|milli\w*)(?![a-z])"
+_LONG_UNIT = r"(?<![a-z])(m|min|minutes?|h|hr|hours?|d|days?)(?![a-z])"  # no time format counts these
 # longest step [us] between rows: the wrong order of day and month makes steps of months
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
 
@@ -247,7 +249,25 @@ def guess_time(layout: Layout) -> bool:
         for time_format, least in EPOCHS.items() if likely else ():
             if sum(least <= count < 41 * least for count in counts) >= 0.95 * len(counts):
                 return _guess_format(layout, (at,), (time_format,))
-    return False
+    return any(_from_a_begin(layout, at) for at in range(len(layout.names)))
+
+
+def _from_a_begin(layout: Layout, at: int) -> bool:
+    """Read a column as seconds or milliseconds in equal steps since a begin that no column states."""
+    name = f"{layout.names[at]} {layout.units[at]}"
+    steps = [b - a for a, b in pairwise(number(row[at]) or 0.0 for row in layout.rows)]
+    usual, named = median_high(steps or [0.0]), re.search(_TIME, name, re.I)
+    if min(steps, default=0.0) <= 0.0 or re.search(_LONG_UNIT, name, re.I):
+        return False
+    if not named and (at > 0 or usual == 1.0):  # the number of the row
+        return False
+    # stamps are rounded, and some may be missing
+    if sum(abs(step - usual) < 0.5 * usual for step in steps) < 0.95 * len(steps):
+        return False
+    layout.doubt = (
+        f"{layout.names[at]!r} has no dates: they are counted from 1970-01-01, as if it began there"
+    )
+    return _guess_format(layout, (at,), ("unix_ms" if re.search(_MILLI, name, re.I) else "unix",))
 
 
 def _guess_format(layout: Layout, time_at: tuple[int, ...], formats: Sequence[str | None] = FORMATS) -> bool:
