@@ -151,7 +151,7 @@ def find_effects(
         if (lead.names, "") not in extended:
             search.add_rivals(lead)
             lead = search.shifted(search.polished(search.lead()))
-        elif turn == 0 and (likely := search.likeliest(parent)) is not parent:
+        elif (turn == 0 or lead.unknown) and (likely := search.likeliest(parent)) is not parent:
             # A response that is biased by an effect hides it: with columns about its own it may lead.
             search.add_rivals(likely)
             lead = search.shifted(search.polished(likely))
@@ -520,7 +520,10 @@ class _Search:
         self._grow(parent, [_near(one, self.record) for one in best.values()])
 
     def polished(self, lead: Explanation) -> Explanation:
-        """Refit `lead` and its rivals with columns about their own responses, and return the new lead."""
+        """Refit `lead` and its rivals with columns about their own responses, and return the new lead.
+
+        If this has an unknown cause, `lead` is refitted from its response, too.
+        """
         # All rivals are refitted from the response of `lead`, which can raise one by 1,000 nats. Those that
         # would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
@@ -536,6 +539,8 @@ class _Search:
                 rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
+        if (stranger := self.lead()).unknown:  # it must not lead by its response
+            self._polished([best], stranger)
         return self.lead()
 
     def _settled(self, one: Explanation) -> Explanation:
