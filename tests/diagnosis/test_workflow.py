@@ -364,6 +364,55 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
     assert extended == [first.names] + named * [waves.names] + beside
 
 
+def test_the_likeliest_effect_is_polished_in_each_round_in_which_something_unknown_leads(monkeypatch):
+    """Regression: beside a release, an unknown flow was 29 nats ahead of the daily inflow that was there."""
+    first = explained()
+    release = explained("unlogged_upstream_release", 9.0, 0.5, parent=first)
+    wave = explained("diurnal_inflow", 5.0, 0.5, parent=release)
+    unknown = explained("", 6.0, 0.5, parent=release, unknown="flow")
+    leads, polished = [release, release, unknown, unknown, wave, wave], []
+
+    class Search:
+        pool = (first, release, wave, unknown)
+        score = staticmethod(lambda one: 0.0)
+        begun = staticmethod(lambda: [first])
+        ordered = staticmethod(lambda: [wave])
+        extend = staticmethod(lambda one: one)
+        lead = staticmethod(lambda: leads.pop(0))
+        likeliest = staticmethod(lambda parent: {first: release, release: wave}.get(parent, parent))
+        polished = staticmethod(lambda one: polished.append(one) or one)
+        study = staticmethod(lambda: polished)
+
+        def __init__(self, *given):
+            pass
+
+        def __getattr__(self, name):
+            return lambda *given: next(iter(given), None)
+
+    monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
+    assert find_effects(pools.season(6, DAYS, (), T_S), (), {}, most=2) == [release, wave]
+
+
+@pytest.mark.parametrize("unknown", ["", "flow"])
+def test_what_is_polished_is_refitted_from_the_response_of_something_unknown_that_leads(unknown):
+    """Regression: in 332 days an unknown flow was 21 nats ahead of the true daily inflow, by its response."""
+    first = explained()
+    wave = replace(explained("diurnal_inflow", 5.0, 0.5, parent=first), count=(1, 0))
+    leader = explained("", 6.0, 0.5, parent=first, unknown=unknown)
+    refitted = []
+
+    def polished(many, near=None):
+        refitted.extend((one, near) for one in many)
+        return many
+
+    search = SimpleNamespace(
+        pool=[first, wave, leader], score=lambda one: float(one.density[OPEN].sum()), lead=lambda: leader,
+        report=lambda *given: None, _settled=lambda one: one, _polished=polished,
+    )  # fmt: skip
+    assert _Search.polished(search, wave) is leader
+    assert ((wave, leader) in refitted) == bool(unknown)
+
+
 def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeypatch):
     """Regression: where a parent was refitted, its extensions were sought at the earlier fit."""
     first, better = explained(), explained(nats=1.0)
