@@ -117,8 +117,8 @@ def state_space(model: ReachModel) -> StateSpace:
     noise, m = model.noise, model.noise.system()
     # x gathers the unlogged inflow w, s is a noise of the level or of a river's discharge
     extra = np.array([[1.0, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
-    variance = np.diag([m.walk, (1.0 - m.phi**2) * m.inflow, (1.0 - m.psi**2) * m.level])
-    kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0])
+    variance = noise.innovation()
+    kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0 or noise.wave > 0.0])
     extra, variance = extra[np.ix_(kept, kept)], variance[np.ix_(kept, kept)]
     level = "level" if pool else "discharge"
     own = ("level error", "unlogged inflow", f"{level} noise")

@@ -43,6 +43,7 @@ NOISE = {  # name and unit of each parameter of the noise model
     "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
     "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
+    "wave": ("time of inflow by which its wave raises the level", "s"),
     "surface_area": ("water surface", "m²"), "misfit": ("fronts early or late by", "samples"),
     "sample_time": ("sample time", "s"), "recall": ("share of a level error left after a sample", ""),
 }  # fmt: skip

@@ -20,6 +20,9 @@ MODELS = {
     "pool without walk": dataclasses.replace(POOL, walk_sd=0.0, inflow_memory=1e6),
     "river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None),
     "misfit pool": dataclasses.replace(POOL, misfit=0.4, level_sd=0.01, level_memory=1500.0),
+    "wavy pool": dataclasses.replace(
+        POOL, inflow_memory=900.0, level_sd=0.01, level_memory=500.0, wave=800.0
+    ),
     "misfit river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None, 0.3),
 }
 GAPS = {
@@ -63,11 +66,16 @@ def dense(model):
         decay = np.exp(-T / model.level_memory)
         late = np.array([[decay ** (i - j - 1) if i > j else 0.0 for j in range(N)] for i in range(N)])
         s = s + late * misfit @ late.T
+    phi, psi = np.exp(-T / model.inflow_memory), np.exp(-T / model.level_memory)
+    new, wave = model.inflow_sd**2 * (1.0 - phi**2), model.wave / (model.surface_area or 1.0)
+    later = np.subtract.outer(np.arange(N), np.arange(N))  # w_i, s_j
+    ws = wave * new / (1.0 - phi * psi) * np.where(later > 0, phi ** np.abs(later), psi ** np.abs(later))
+    s = s + wave**2 * new / (1.0 - psi**2) * psi ** np.abs(later)
     return np.block(
         [
-            [to_x @ w @ to_x.T + before * walk @ before.T, to_x @ w, zero, zero],
-            [w @ to_x.T, w, zero, zero],
-            [zero, zero, s, zero],
+            [to_x @ w @ to_x.T + before * walk @ before.T, to_x @ w, to_x @ ws, zero],
+            [w @ to_x.T, w, ws, zero],
+            [(to_x @ ws).T, ws.T, s, zero],
             [zero, zero, zero, model.gauge_sd**2 * np.eye(N)],
         ]
     )
@@ -322,3 +330,21 @@ def test_impossible_noises_and_columns_that_do_not_fit_are_refused():
         fit_noise(z, 133.0, 6.7e5)
     with pytest.raises(RividError, match="likelihood of a day is not finite"):
         POOL.log_likelihood(np.where(np.arange(N) == 7, np.inf, z))
+
+
+def test_the_wave_of_the_weather_is_found_and_no_wind_is_needed_for_it():
+    """Regression: in a pool that waves cross in 23 min, waves of 18 m3/s of weather were wind of 5 mm."""
+    true = NoiseModel(3e-4, 1e-4, 18.0, 19000.0, 3e-4, 2400.0, 318.0, 1.2e6, wave=1280.0)
+    z = true.simulate(119, 271, np.random.default_rng(3))
+    usual = {"level_sd": (3e-5, 3e-4), "level_memory": (0.0, 3600.0), "walk_sd": (0.0, 1.45e-3)}
+    found = fit_noise(z, 318.0, 1.2e6, within=usual | {"wave": (32.0, 3600.0)})
+    bare = fit_noise(z, 318.0, 1.2e6, within=usual)
+    windy = fit_noise(z, 318.0, 1.2e6, level=True, within={"level_memory": (1080.0, 86400.0)})
+    assert found.wave == pytest.approx(true.wave, rel=0.1)
+    assert found.inflow_sd == pytest.approx(true.inflow_sd, rel=0.1)
+    assert windy.level_sd > 3e-3
+    likely, without, by_wind = (model.log_likelihood(z).sum() for model in (found, bare, windy))
+    assert likely > by_wind > without + 500.0
+    # a wave of one sample is an inflow that begins a sample earlier
+    none = dataclasses.replace(true, wave=0.0).simulate(119, 271, np.random.default_rng(4))
+    assert fit_noise(none, 318.0, 1.2e6, within=usual | {"wave": (32.0, 3600.0)}).wave < 1.2 * 318.0

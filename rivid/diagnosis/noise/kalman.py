@@ -4,10 +4,11 @@ The state is (x, w, s): level error, unknown inflow, level-type noise. A reading
 
     x_{k+1} = x_k + c w_k + v_k,    w_{k+1} = phi w_k + ...,    s_{k+1} = psi s_k + ...,
 
-with w and s stationary from the first sample on. The variance of v is that of the walk plus the response's
-misfit times the activity of the flows; a river reach has no x, and s has the misfit. x has an exact diffuse
-start: the first sample present sets x = z - s - e, does not count, and has the innovation 0 (Durbin and
-Koopman, Time series analysis by state space methods, ch. 5).
+with w and s stationary from the first sample on. The innovation of w enters s as well, `wave` times. The
+variance of v is that of the walk plus the response's misfit times the activity of the flows; a river reach
+has no x, and s has the misfit. x has an exact diffuse start: the first sample present sets x = z - s - e,
+does not count, and has the innovation 0 (Durbin and Koopman, Time series analysis by state space methods,
+ch. 5).
 
 A sample depends on the one before it; days are independent. The innermost loops of all compiled functions
 here therefore run over days or columns. Arrays along which they run have a row for each sample: (n, days).
@@ -26,8 +27,8 @@ from rivid.types import Bools, Floats
 class System(NamedTuple):
     """Entries of the matrices: c [s/m2], memories phi and psi per sample, variances of v, w, s and e.
 
-    `misfit` is the variance of v per unit of the activity of the flows; `diffuse` is whether x is unknown at
-    the start.
+    `misfit` is the variance of v per unit of the activity of the flows, `wave` [m per m3/s] the share of s in
+    the innovation of w; `diffuse` is whether x is unknown at the start.
     """
 
     c: float
@@ -38,6 +39,7 @@ class System(NamedTuple):
     level: float
     gauge: float
     misfit: float
+    wave: float
     diffuse: bool
 
 
@@ -52,6 +54,16 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 
 
 @njit(cache=True, error_model="numpy")
+def innovation(
+    phi: float, psi: float, inflow: float, level: float, wave: float
+) -> tuple[float, float, float, float, float]:
+    """Return the covariances ww, ws and ss of a sample's innovations, and the stationary ws and ss."""
+    new_w = (1.0 - phi * phi) * inflow
+    new_ws, new_s = wave * new_w, (1.0 - psi * psi) * level + wave * wave * new_w
+    return new_w, new_ws, new_s, new_ws / (1.0 - phi * psi), new_s / (1.0 - psi * psi)
+
+
+@njit(cache=True, error_model="numpy")
 def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
     """Compute the gains of each day; `there` (n, days) marks samples present, `activity` (n, days) [m2].
 
@@ -61,10 +73,10 @@ def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats
     """
     n, days = there.shape
     c, phi, psi, gauge = m.c, m.phi, m.psi, m.gauge
-    new_w, new_s = (1.0 - phi * phi) * m.inflow, (1.0 - psi * psi) * m.level
+    new_w, new_ws, new_s, start_ws, start_s = innovation(phi, psi, m.inflow, m.level, m.wave)
     of_x, of_s = (m.misfit, 0.0) if m.diffuse else (0.0, m.misfit)
-    xx, xw, xs, ws = np.zeros(days), np.zeros(days), np.zeros(days), np.zeros(days)
-    ww, ss, started = np.full(days, m.inflow), np.full(days, m.level), np.full(days, not m.diffuse)
+    xx, xw, xs, ws = np.zeros(days), np.zeros(days), np.zeros(days), np.full(days, start_ws)
+    ww, ss, started = np.full(days, m.inflow), np.full(days, start_s), np.full(days, not m.diffuse)
     K, S, kept = np.empty((3, n, days)), np.empty((n, days)), np.empty((6, n if keep else 0, days))
     for k in range(n):
         for i in range(days):
@@ -92,7 +104,7 @@ def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats
             xw[i] = phi * (b + c * e)
             xs[i] = psi * (d + c * f)
             ww[i] = phi * phi * e + new_w
-            ws[i] = phi * psi * f
+            ws[i] = phi * psi * f + new_ws
             ss[i] = psi * psi * g + new_s + of_s * activity[k, i]
     return K, S, kept
 
@@ -105,7 +117,7 @@ FACTORS = 8  # innovation variances multiplied before a logarithm is taken: each
 def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: bool) -> Floats:
     """Compute the log-likelihood of each system and day (q, days), without the sample that sets x.
 
-    `values` (n, days) is NaN where a sample is missing; `systems` (q, 8) has the first eight fields of a
+    `values` (n, days) is NaN where a sample is missing; `systems` (q, 9) has the first nine fields of a
     :class:`System` in each row. Gains and states are computed in one loop over the days, which compiles to
     vector instructions: nothing is stored for each sample.
     """
@@ -117,10 +129,11 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
     x, w, s, started = np.empty(days), np.empty(days), np.empty(days), np.empty(days)
     total, size, count = np.empty(days), np.empty(days), np.empty(days)
     for i in range(len(systems)):
-        c, phi, psi, walk, inflow, level, gauge, misfit = systems[i]
+        c, phi, psi, walk, inflow, level, gauge, misfit, wave = systems[i]
         of_x, of_s = (misfit, 0.0) if diffuse else (0.0, misfit)
-        new_w, new_s, scale = (1.0 - phi * phi) * inflow, (1.0 - psi * psi) * level, 1.0 / gauge
-        xx[:], xw[:], xs[:], ww[:], ws[:], ss[:] = 0.0, 0.0, 0.0, inflow, 0.0, level
+        new_w, new_ws, new_s, start_ws, start_s = innovation(phi, psi, inflow, level, wave)
+        scale = 1.0 / gauge
+        xx[:], xw[:], xs[:], ww[:], ws[:], ss[:] = 0.0, 0.0, 0.0, inflow, start_ws, start_s
         x[:], w[:], s[:], started[:] = 0.0, 0.0, 0.0, 0.0 if diffuse else 1.0
         total[:], size[:], count[:] = 0.0, 1.0, 0.0
         for k in range(n):
@@ -135,7 +148,7 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
                 total[d] += v * v * f
                 size[d] *= 1.0 + update * (V * scale - 1.0)
                 count[d] += update
-                a = (1.0 - start) * (xx[d] - f * h0 * h0) + start * (level + gauge)
+                a = (1.0 - start) * (xx[d] - f * h0 * h0) + start * (start_s + gauge)
                 b = (1.0 - start) * (xw[d] - f * h0 * h1) - start * ws[d]
                 g = (1.0 - start) * (xs[d] - f * h0 * h2) - start * ss[d]
                 e, j, t = ww[d] - f * h1 * h1, ws[d] - f * h1 * h2, ss[d] - f * h2 * h2
@@ -148,7 +161,7 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
                 xw[d] = phi * (b + c * e)
                 xs[d] = psi * (g + c * j)
                 ww[d] = phi * phi * e + new_w
-                ws[d] = phi * psi * j
+                ws[d] = phi * psi * j + new_ws
                 ss[d] = psi * psi * t + new_s + of_s * moved[d]
             if k % FACTORS == FACTORS - 1 or k == n - 1:
                 for d in range(days):
@@ -264,8 +277,12 @@ def _means(
         if S[k] > 0.0:
             read = v[k] / S[k] - (K[0, k] * r0 + K[1, k] * r1 + K[2, k] * r2)
             r0, r2 = r0 + read, r2 + read
+    # the first sample sets x = z - s - e: what follows shows w and s before it
+    _, _, _, ws, _ = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
+    r1, r2 = r1, r2 - r0
     for k in range(first - 1, -1, -1):
-        out[k] = m.phi * out[k + 1] if k < n - 1 else 0.0
+        r1, r2 = m.phi * r1, m.psi * r2
+        out[k] = m.inflow * r1 + ws * r2
 
 
 @njit(cache=True, error_model="numpy")
@@ -288,5 +305,8 @@ def _variances(out: Floats, first: int, S: Floats, K: Floats, P: Floats, m: Syst
         if S[k] > 0.0:
             L = np.eye(3) - np.outer(K[:, k].copy(), H)
             N = L.T @ N @ L + np.outer(H, H) / S[k]
+    _, _, _, ws, _ = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
     for k in range(first - 1, -1, -1):
-        out[k] = m.phi**2 * out[k + 1] + (1.0 - m.phi**2) * m.inflow if k < n - 1 else m.inflow
+        a, b = m.phi ** (first - k) * m.inflow, m.psi ** (first - k) * ws
+        w = np.array([-b, a, b])  # covariance with the state at the first sample, which sets x = z - s - e
+        out[k] = max(m.inflow - float(w @ N @ w), 0.0)

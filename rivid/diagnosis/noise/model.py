@@ -5,11 +5,13 @@ The residual is z = measured level - simulated level. Each day starts anew, and 
     z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
 
 w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
-level error, e white gauge noise; x_0 is unknown. The error of the response is part of v, which has the
-variance walk_sd^2 + misfit^2 a_k. The activity a_k [m2] is the square of the recent change of the level's
-rate by the flows (:func:`rivid.diagnosis.data.activity`). A river reach, with a discharge as output, has no
-A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow at the lower end. Its mean is 0, so that a
-constant inflow is not absorbed. The fit starts from several models: one start can end in a local optimum.
+level error, e white gauge noise; x_0 is unknown. An inflow arrives as a wave, which raises the level before
+the pool has filled as far: the innovations of w, times wave / A, enter s as well. The error of the response
+is part of v, which has the variance walk_sd^2 + misfit^2 a_k. The activity a_k [m2] is the square of the
+recent change of the level's rate by the flows (:func:`rivid.diagnosis.data.activity`). A river reach, with a
+discharge as output, has no A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow at the lower end.
+Its mean is 0, so that a constant inflow is not absorbed. The fit starts from several models: one start can
+end in a local optimum.
 """
 
 from collections.abc import Mapping
@@ -27,6 +29,7 @@ from rivid.diagnosis.noise.kalman import (
     filtered,
     gains,
     gather,
+    innovation,
     innovations,
     log_likelihoods,
     smoothed,
@@ -51,6 +54,9 @@ class NoiseModel:
     # error of the response over the recent change by the flows: number of samples by which a front is early
     # or late [-]
     misfit: float = 0.0
+    wave: float = (
+        0.0  # time in which an inflow fills the pool as far as its wave raises the level at once [s]
+    )
     # share of a level error that remains after a sample, below 1 if losses of the reach grow with its level:
     # forecasts run free from their origin, while the residual is about the observed level
     recall: float = 1.0
@@ -66,10 +72,10 @@ class NoiseModel:
                 raise RividError(
                     f"noise model: {f.name} is {value}: expected {least}; check what it was fitted to"
                 )
-        if self.surface_area is None and (self.walk_sd or self.inflow_sd):
+        if self.surface_area is None and (self.walk_sd or self.inflow_sd or self.wave):
             raise RividError(
-                f"noise model: walk_sd is {self.walk_sd} and inflow_sd {self.inflow_sd}: expected 0 for "
-                "a river reach, which has neither; use level_sd or give surface_area"
+                f"noise model: walk_sd is {self.walk_sd}, inflow_sd {self.inflow_sd} and wave {self.wave}: "
+                "expected 0 for a river reach, which has none; use level_sd or give surface_area"
             )
 
     def whiten(
@@ -162,16 +168,28 @@ class NoiseModel:
         moved = self.misfit**2 * _moved(activity, (days, n)).T
         of_x, of_s = (moved, 0.0 * moved) if m.diffuse else (0.0 * moved, moved)
 
-        def memory(sd: float, phi: float, more: Floats | float = 0.0) -> Floats:
-            steps = rng.normal(0.0, sd, (days, n)) * np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
-            steps[:, 1:] += more
-            return np.asarray(lfilter([1.0], [1.0, -phi], steps, axis=1), float)
+        def steps_of(sd: float, phi: float) -> Floats:
+            first = np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
+            return np.asarray(rng.normal(0.0, sd, (days, n)) * first)
 
-        inflow, v = memory(self.inflow_sd, m.phi), rng.normal(0.0, 1.0, (days, n))
-        rise = m.c * inflow + v * np.sqrt(self.walk_sd**2 + of_x)
+        flow, v = steps_of(self.inflow_sd, m.phi), rng.normal(0.0, 1.0, (days, n))
+        w = np.asarray(lfilter([1.0], [1.0, -m.phi], flow, axis=1), float)
+        rise = m.c * w + v * np.sqrt(self.walk_sd**2 + of_x)
         x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
-        s = memory(self.level_sd, m.psi, (v * np.sqrt(of_s))[:, :-1])
-        return x + s + rng.normal(0.0, self.gauge_sd, (days, n))
+        level = steps_of(self.level_sd, m.psi)
+        level[:, 1:] += (v * np.sqrt(of_s))[:, :-1] + m.wave * flow[:, 1:]
+        _, _, _, ws, ss = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
+        share = ws / max(m.inflow, 1e-300)  # of w in s at the start; earlier innovations make the rest
+        rest = np.sqrt(max(ss - m.level - share * ws, 0.0))
+        level[:, 0] += share * flow[:, 0] + rest * rng.standard_normal(days)
+        s = np.asarray(lfilter([1.0], [1.0, -m.psi], level, axis=1), float)
+        return np.asarray(x + s + rng.normal(0.0, self.gauge_sd, (days, n)))
+
+    def innovation(self) -> Floats:
+        """Return the covariance of a sample's innovations of x, w and s, shape (3, 3), without the misfit."""
+        m = self.system()
+        ww, ws, ss, *_ = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
+        return np.array([[m.walk, 0.0, 0.0], [0.0, ww, ws], [0.0, ws, ss]], float)
 
     def system(self) -> System:
         """Return the entries of the filter's matrices."""
@@ -190,13 +208,13 @@ def _moved(activity: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
 
 def _numbers(
     sample_time: float, surface_area: float | None, inflow_memory: Any, level_memory: Any, walk_sd: Any,
-    inflow_sd: Any, level_sd: Any, gauge_sd: Any, misfit: Any, recall: float = 1.0,
+    inflow_sd: Any, level_sd: Any, gauge_sd: Any, misfit: Any, wave: Any, recall: float = 1.0,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the first eight fields of a :class:`System`, each a number or an array."""
+    """Return the first nine fields of a :class:`System`, each a number or an array."""
     T, A = sample_time, surface_area
     return (
         0.0 if A is None else T / A, np.exp(-T / inflow_memory), np.exp(-T / level_memory), walk_sd**2,
-        inflow_sd**2, level_sd**2, gauge_sd**2, misfit**2,
+        inflow_sd**2, level_sd**2, gauge_sd**2, misfit**2, 0.0 if A is None else wave / A,
     )  # fmt: skip
 
 
@@ -220,7 +238,7 @@ class Limits(NamedTuple):
         return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
 
     def systems(self, points: Floats) -> Floats:
-        """Return the filter's numbers at points (q, f), shape (q, 8)."""
+        """Return the filter's numbers at points (q, f), shape (q, 9)."""
         given = vars(self.model) | dict(zip(self.free, np.exp(points).T, strict=True))
         return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
@@ -246,13 +264,16 @@ def limits_of(
         bounds["level_memory"] = (3.0 * T if A is None else T, longest)
     if misfit:
         bounds["misfit"] = (1e-3, MOST_MISFIT)
+    if "wave" in within and "level_memory" in bounds:
+        bounds["wave"] = within["wave"]
     for name, (least, most) in within.items():
         if name in bounds:
             low, high = max(least, min(bounds[name][0], most)), min(most, max(bounds[name][1], least))
             bounds[name] = (low, high)
     low, high = np.array(list(bounds.values())).T
     s = 0.5 * within["level_sd"][1] if rounding else 0.0
-    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, s, 10.0 * T, T, A, 0.1 if misfit else 0.0)
+    wave = 0.3 * bounds["wave"][1] if "wave" in bounds else 0.0
+    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, s, 10.0 * T, T, A, 0.1 if misfit else 0.0, wave)
     return Limits(rest, tuple(bounds), low, high, scale)
 
 
