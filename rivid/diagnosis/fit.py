@@ -37,9 +37,7 @@ GAUGE = 0.015  # largest plausible white noise of a gauge [m]
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
 reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
-WAVE = (0.1, HOUR)
-"""Limits of the wave of an inflow: a tenth of a sample, which nothing shows, and the time [s] in which waves
-cross 20 km at 5.5 m/s."""
+WAVE = 0.1  # least wave of an inflow [samples]: nothing shows it. The largest is the time that waves travel
 WIND = (0.3 * HOUR, DAY)  # limits of the memory of a wind set-up [s]
 
 
@@ -129,7 +127,10 @@ class Model:
                 "gauge_sd": (0.0, max(RATING * flow, 2.0 * self.gauge_floor)),
             }
             return {} if self.noise_kind in ("flow", "gauge") else known
-        limits = {"gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor)), "wave": (WAVE[0] * T, WAVE[1])}
+        limits = {
+            "gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor)),
+            "wave": (WAVE * T, max(T, self.reach.travel_time)),
+        }
         if self.noise_kind != "flow":
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
         if self.noise_kind in ("plain", "wind"):

@@ -178,10 +178,10 @@ class NoiseModel:
         x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
         level = steps_of(self.level_sd, m.psi)
         level[:, 1:] += (v * np.sqrt(of_s))[:, :-1] + m.wave * flow[:, 1:]
-        _, _, _, ws, ss = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
-        share = ws / max(m.inflow, 1e-300)  # of w in s at the start; earlier innovations make the rest
-        rest = np.sqrt(max(ss - m.level - share * ws, 0.0))
-        level[:, 0] += share * flow[:, 0] + rest * rng.standard_normal(days)
+        if m.wave * m.inflow > 0.0:  # at the start s has a share in w, and earlier innovations
+            _, _, _, ws, ss = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
+            rest = np.sqrt(ss - m.level - ws**2 / m.inflow)
+            level[:, 0] += ws / m.inflow * flow[:, 0] + rest * rng.standard_normal(days)
         s = np.asarray(lfilter([1.0], [1.0, -m.psi], level, axis=1), float)
         return np.asarray(x + s + rng.normal(0.0, self.gauge_sd, (days, n)))
 

@@ -94,6 +94,11 @@ class Response(ABC):
     def surface_area(self) -> float | None:
         """A [m2], by which an unknown inflow becomes a rise of the level; None for a river reach."""
 
+    @property
+    def travel_time(self) -> float:
+        """Time in which a wave on the usual flow crosses the reach [s]."""
+        return next(p.natural for p in self.parameters if p.name == "delay")
+
     @abstractmethod
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the output, linearised about the observed output, shape (days, n) [m or m3/s]."""

@@ -190,6 +190,11 @@ class HydraulicResponse(Response):
         """Volume per metre of the usual level [m2]: less than the water surface of a sloping reach."""
         return self._lift[1]
 
+    @property
+    def travel_time(self) -> float:
+        """See the base class."""
+        return HEADROOM / self.pace
+
     @cached_property
     def _lift(self) -> tuple[Floats, float]:
         return backwater_lift(self.channel, self.flow, self.level)
