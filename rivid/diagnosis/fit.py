@@ -37,7 +37,9 @@ GAUGE = 0.015  # largest plausible white noise of a gauge [m]
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
 reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
-WAVE = 0.1  # least wave of an inflow [samples]: nothing shows it. The largest is the time that waves travel
+WAVE = (
+    0.5  # least wave of an inflow [samples]: it shows from one on. The largest is the time that waves travel
+)
 WIND = (0.3 * HOUR, DAY)  # limits of the memory of a wind set-up [s]
 
 
@@ -110,11 +112,16 @@ class Model:
     ) -> NoiseModel:
         """Fit noise of the model's kind to a residual (days, n); with `alone` from the present noise only."""
         level = self.noise_kind in ("wind", "gauge")
-        white = 1.0 if self.reach.surface_area is None else WHITE
+        white, within = 1.0 if self.reach.surface_area is None else WHITE, self.plausible(record)
+        starts: tuple[NoiseModel, ...] = () if self.noise is None else (self.noise,)
+        if self.noise is not None and "wave" in within and self.noise.wave < record.sample_time:
+            # no likelihood rises from a wave within a sample: a longer one is another maximum
+            most = within["wave"][1]
+            starts += (replace(self.noise, wave=0.3 * most, level_memory=most),)
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
-            gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
-            starts=() if self.noise is None else (self.noise,), alone=alone,
+            gauge_floor=white * self.gauge_floor, activity=record.activity, within=within, starts=starts,
+            alone=alone,
         )  # fmt: skip
 
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:

@@ -54,9 +54,8 @@ class NoiseModel:
     # error of the response over the recent change by the flows: number of samples by which a front is early
     # or late [-]
     misfit: float = 0.0
-    wave: float = (
-        0.0  # time in which an inflow fills the pool as far as its wave raises the level at once [s]
-    )
+    # time [s] in which an inflow fills the pool by as much as its wave raises the level at once
+    wave: float = 0.0
     # share of a level error that remains after a sample, below 1 if losses of the reach grow with its level:
     # forecasts run free from their origin, while the residual is about the observed level
     recall: float = 1.0
