@@ -37,9 +37,7 @@ GAUGE = 0.015  # largest plausible white noise of a gauge [m]
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
 reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
-WAVE = (
-    0.5  # least wave of an inflow [samples]: it shows from one on. The largest is the time that waves travel
-)
+WAVE = 0.5  # least wave of an inflow [samples], which shows from one on; the largest is the travel time
 WIND = (0.3 * HOUR, DAY)  # limits of the memory of a wind set-up [s]
 
 

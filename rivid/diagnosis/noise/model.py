@@ -179,7 +179,7 @@ class NoiseModel:
         level[:, 1:] += (v * np.sqrt(of_s))[:, :-1] + m.wave * flow[:, 1:]
         if m.wave * m.inflow > 0.0:  # at the start s has a share in w, and earlier innovations
             _, _, _, ws, ss = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
-            rest = np.sqrt(ss - m.level - ws**2 / m.inflow)
+            rest = np.sqrt(max(ss - m.level - ws**2 / m.inflow, 0.0))
             level[:, 0] += ws / m.inflow * flow[:, 0] + rest * rng.standard_normal(days)
         s = np.asarray(lfilter([1.0], [1.0, -m.psi], level, axis=1), float)
         return np.asarray(x + s + rng.normal(0.0, self.gauge_sd, (days, n)))
