@@ -31,6 +31,7 @@ _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
 EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
 # names of columns of times
 _TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
+FEWEST_STEPS = 10  # of numbers that are times because they rise in equal steps
 _MILLI = r"(?<![a-z])(ms|msec|milli\w*)(?![a-z])"
 _LONG_UNIT = r"(?<![a-z])(m|min|minutes?|h|hr|hours?|d|days?)(?![a-z])"  # no time format counts these
 # longest step [us] between rows: the wrong order of day and month makes steps of months
@@ -257,7 +258,7 @@ def _from_a_begin(layout: Layout, at: int) -> bool:
     name = f"{layout.names[at]} {layout.units[at]}"
     steps = [b - a for a, b in pairwise(number(row[at]) or 0.0 for row in layout.rows)]
     usual, named = median_high(steps or [0.0]), re.search(_TIME, name, re.I)
-    if min(steps, default=0.0) <= 0.0 or re.search(_LONG_UNIT, name, re.I):
+    if len(steps) < FEWEST_STEPS or min(steps) <= 0.0 or re.search(_LONG_UNIT, name, re.I):
         return False
     if not named and (at > 0 or usual == 1.0):  # the number of the row
         return False
