@@ -110,16 +110,11 @@ class Model:
     ) -> NoiseModel:
         """Fit noise of the model's kind to a residual (days, n); with `alone` from the present noise only."""
         level = self.noise_kind in ("wind", "gauge")
-        white, within = 1.0 if self.reach.surface_area is None else WHITE, self.plausible(record)
-        starts: tuple[NoiseModel, ...] = () if self.noise is None else (self.noise,)
-        if self.noise is not None and "wave" in within and self.noise.wave < record.sample_time:
-            # no likelihood rises from a wave within a sample: a longer one is another maximum
-            most = within["wave"][1]
-            starts += (replace(self.noise, wave=0.3 * most, level_memory=most),)
+        white = 1.0 if self.reach.surface_area is None else WHITE
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
-            gauge_floor=white * self.gauge_floor, activity=record.activity, within=within, starts=starts,
-            alone=alone,
+            gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
+            starts=() if self.noise is None else (self.noise,), alone=alone,
         )  # fmt: skip
 
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:

@@ -168,8 +168,8 @@ class NoiseModel:
         of_x, of_s = (moved, 0.0 * moved) if m.diffuse else (0.0 * moved, moved)
 
         def steps_of(sd: float, phi: float) -> Floats:
-            first = np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
-            return np.asarray(rng.normal(0.0, sd, (days, n)) * first)
+            share = np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
+            return np.asarray(rng.normal(0.0, sd, (days, n)) * share)
 
         flow, v = steps_of(self.inflow_sd, m.phi), rng.normal(0.0, 1.0, (days, n))
         w = np.asarray(lfilter([1.0], [1.0, -m.phi], flow, axis=1), float)
@@ -386,6 +386,10 @@ def fit_noise(
         values, there, sample_time, surface_area, level, gauge_floor, activity is not None, within
     )
     moved, near = _moved(activity, there.shape), bool(alone and starts)
+    if near and "wave" in limits.free and starts[0].wave < sample_time:
+        # a wave within a sample hardly changes the likelihood: no step leads to the maximum at a longer one
+        travel = float(limits.high[limits.free.index("wave")])
+        starts += (replace(starts[0], wave=limits.model.wave, level_memory=travel),)
 
     def climb(days: Floats, begun: tuple[NoiseModel, ...]) -> NoiseModel:
         return _climb(values, there, moved, days, begun, limits, near)
