@@ -115,13 +115,13 @@ def state_space(model: ReachModel) -> StateSpace:
         names += [f"{name} state {j + 1}" for j in range(len(a))]
         delays.append(dead)
     noise, m = model.noise, model.noise.system()
-    # x gathers the unlogged inflow w, s is a noise of the level or of a river's discharge
-    extra = np.array([[1.0, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
+    # x gathers the unlogged inflow w, or is it after its way along a river; s is a noise of the level
+    extra = np.array([[m.rho, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
     variance = noise.innovation()
-    kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0 or noise.wave > 0.0])
+    kept = np.array([True, m.inflow > 0.0, pool and (noise.level_sd > 0.0 or noise.wave > 0.0)])
     extra, variance = extra[np.ix_(kept, kept)], variance[np.ix_(kept, kept)]
     level = "level" if pool else "discharge"
-    own = ("level error", "unlogged inflow", f"{level} noise")
+    own = ("level error" if pool else "discharge noise", "unlogged inflow", "level noise")
     names += [name for name, k in zip(own, kept, strict=True) if k]
     A = block_diag(*(a for a, _, _ in blocks), extra)
     B = np.vstack([block_diag(*(b for _, b, _ in blocks)), np.zeros((len(extra), len(blocks)))])

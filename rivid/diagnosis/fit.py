@@ -120,17 +120,15 @@ class Model:
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
         """Return limits of the noise's fields: usual weather and gauge, except for what is unknown."""
         flow, T = max(abs(self.flow), 1e-9), record.sample_time
-        if self.reach.surface_area is None:  # s contains all unlogged flow
+        wave = {"wave": (WAVE * T, max(T, self.reach.travel_time))}
+        if self.reach.surface_area is None:
             known = {
                 "level_sd": (0.0, WEATHER * flow),
                 "level_memory": MEMORY,
                 "gauge_sd": (0.0, max(RATING * flow, 2.0 * self.gauge_floor)),
             }
-            return {} if self.noise_kind in ("flow", "gauge") else known
-        limits = {
-            "gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor)),
-            "wave": (WAVE * T, max(T, self.reach.travel_time)),
-        }
+            return wave if self.noise_kind in ("flow", "gauge") else known | wave
+        limits = wave | {"gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor))}
         if self.noise_kind != "flow":
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
         if self.noise_kind in ("plain", "wind"):

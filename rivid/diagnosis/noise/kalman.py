@@ -2,13 +2,13 @@
 
 The state is (x, w, s): level error, unknown inflow, level-type noise. A reading is z = x + s + e, and
 
-    x_{k+1} = x_k + c w_k + v_k,    w_{k+1} = phi w_k + ...,    s_{k+1} = psi s_k + ...,
+    x_{k+1} = rho x_k + c w_k + v_k,    w_{k+1} = phi w_k + ...,    s_{k+1} = psi s_k + ...,
 
 with w and s stationary from the first sample on. The innovation of w enters s as well, `wave` times. The
-variance of v is that of the walk plus the response's misfit times the activity of the flows; a river reach
-has no x, and s has the misfit. x has an exact diffuse start: the first sample present sets x = z - s - e,
-does not count, and has the innovation 0 (Durbin and Koopman, Time series analysis by state space methods,
-ch. 5).
+variance of v is that of the walk plus the response's misfit times the activity of the flows. In a pool rho is
+1, and x has an exact diffuse start: the first sample present sets x = z - s - e, does not count, and has the
+innovation 0 (Durbin and Koopman, Time series analysis by state space methods, ch. 5). In a river reach x is
+w after its way to the gauge, stationary as well, and s has the misfit.
 
 A sample depends on the one before it; days are independent. The innermost loops of all compiled functions
 here therefore run over days or columns. Arrays along which they run have a row for each sample: (n, days).
@@ -28,7 +28,7 @@ class System(NamedTuple):
     """Entries of the matrices: c [s/m2], memories phi and psi per sample, variances of v, w, s and e.
 
     `misfit` is the variance of v per unit of the activity of the flows, `wave` [m per m3/s] the share of s in
-    the innovation of w; `diffuse` is whether x is unknown at the start.
+    the innovation of w, `rho` the memory of x per sample; `diffuse` is whether x is unknown at the start.
     """
 
     c: float
@@ -40,6 +40,7 @@ class System(NamedTuple):
     gauge: float
     misfit: float
     wave: float
+    rho: float
     diffuse: bool
 
 
@@ -64,6 +65,15 @@ def innovation(
 
 
 @njit(cache=True, error_model="numpy")
+def start_of(c: float, phi: float, rho: float, inflow: float, diffuse: bool) -> tuple[float, float]:
+    """Return the variance of x at the start, stationary or before its first sample, and its covariance xw."""
+    if diffuse:
+        return 0.0, 0.0
+    xw = phi * c * inflow / (1.0 - phi * rho)
+    return c * (2.0 * rho * xw + c * inflow) / (1.0 - rho * rho), xw
+
+
+@njit(cache=True, error_model="numpy")
 def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
     """Compute the gains of each day; `there` (n, days) marks samples present, `activity` (n, days) [m2].
 
@@ -72,10 +82,11 @@ def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats
     (6, n, days), else (6, 0, days).
     """
     n, days = there.shape
-    c, phi, psi, gauge = m.c, m.phi, m.psi, m.gauge
+    c, phi, psi, rho, gauge = m.c, m.phi, m.psi, m.rho, m.gauge
     new_w, new_ws, new_s, start_ws, start_s = innovation(phi, psi, m.inflow, m.level, m.wave)
     of_x, of_s = (m.misfit, 0.0) if m.diffuse else (0.0, m.misfit)
-    xx, xw, xs, ws = np.zeros(days), np.zeros(days), np.zeros(days), np.full(days, start_ws)
+    start_xx, start_xw = start_of(c, phi, rho, m.inflow, m.diffuse)
+    xx, xw, xs, ws = np.full(days, start_xx), np.full(days, start_xw), np.zeros(days), np.full(days, start_ws)
     ww, ss, started = np.full(days, m.inflow), np.full(days, start_s), np.full(days, not m.diffuse)
     K, S, kept = np.empty((3, n, days)), np.empty((n, days)), np.empty((6, n if keep else 0, days))
     for k in range(n):
@@ -99,10 +110,10 @@ def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats
                 kept[0, k, i], kept[1, k, i], kept[2, k, i] = a, b, d
                 kept[3, k, i], kept[4, k, i], kept[5, k, i] = e, f, g
             started[i] = started[i] or here
-            # F P F' + Q, F = [[1, c, 0], [0, phi, 0], [0, 0, psi]]
-            xx[i] = a + c * (2.0 * b + c * e) + m.walk + of_x * activity[k, i]
-            xw[i] = phi * (b + c * e)
-            xs[i] = psi * (d + c * f)
+            # F P F' + Q, F = [[rho, c, 0], [0, phi, 0], [0, 0, psi]]
+            xx[i] = rho * rho * a + c * (2.0 * rho * b + c * e) + m.walk + of_x * activity[k, i]
+            xw[i] = phi * (rho * b + c * e)
+            xs[i] = psi * (rho * d + c * f)
             ww[i] = phi * phi * e + new_w
             ws[i] = phi * psi * f + new_ws
             ss[i] = psi * psi * g + new_s + of_s * activity[k, i]
@@ -117,7 +128,7 @@ FACTORS = 8  # innovation variances multiplied before a logarithm is taken: each
 def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: bool) -> Floats:
     """Compute the log-likelihood of each system and day (q, days), without the sample that sets x.
 
-    `values` (n, days) is NaN where a sample is missing; `systems` (q, 9) has the first nine fields of a
+    `values` (n, days) is NaN where a sample is missing; `systems` (q, 10) has the first ten fields of a
     :class:`System` in each row. Gains and states are computed in one loop over the days, which compiles to
     vector instructions: nothing is stored for each sample.
     """
@@ -129,11 +140,12 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
     x, w, s, started = np.empty(days), np.empty(days), np.empty(days), np.empty(days)
     total, size, count = np.empty(days), np.empty(days), np.empty(days)
     for i in range(len(systems)):
-        c, phi, psi, walk, inflow, level, gauge, misfit, wave = systems[i]
+        c, phi, psi, walk, inflow, level, gauge, misfit, wave, rho = systems[i]
         of_x, of_s = (misfit, 0.0) if diffuse else (0.0, misfit)
         new_w, new_ws, new_s, start_ws, start_s = innovation(phi, psi, inflow, level, wave)
+        start_xx, start_xw = start_of(c, phi, rho, inflow, diffuse)
         scale = 1.0 / gauge
-        xx[:], xw[:], xs[:], ww[:], ws[:], ss[:] = 0.0, 0.0, 0.0, inflow, start_ws, start_s
+        xx[:], xw[:], xs[:], ww[:], ws[:], ss[:] = start_xx, start_xw, 0.0, inflow, start_ws, start_s
         x[:], w[:], s[:], started[:] = 0.0, 0.0, 0.0, 0.0 if diffuse else 1.0
         total[:], size[:], count[:] = 0.0, 1.0, 0.0
         for k in range(n):
@@ -154,12 +166,12 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
                 e, j, t = ww[d] - f * h1 * h1, ws[d] - f * h1 * h2, ss[d] - f * h2 * h2
                 started[d] = max(started[d], seen)
                 flow = w[d] + f * h1 * v
-                x[d] += (f * h0 + start) * v + c * flow
+                x[d] = rho * (x[d] + (f * h0 + start) * v) + c * flow
                 w[d] = phi * flow
                 s[d] = psi * (s[d] + f * h2 * v)
-                xx[d] = a + c * (2.0 * b + c * e) + walk + of_x * moved[d]
-                xw[d] = phi * (b + c * e)
-                xs[d] = psi * (g + c * j)
+                xx[d] = rho * rho * a + c * (2.0 * rho * b + c * e) + walk + of_x * moved[d]
+                xw[d] = phi * (rho * b + c * e)
+                xs[d] = psi * (rho * g + c * j)
                 ww[d] = phi * phi * e + new_w
                 ws[d] = phi * psi * j + new_ws
                 ss[d] = psi * psi * t + new_s + of_s * moved[d]
@@ -181,7 +193,7 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
     """
     p, days, n = columns.shape
     K, S, _ = gains(there, activity, m, False)
-    c, phi, psi = m.c, m.phi, m.psi
+    c, phi, psi, rho = m.c, m.phi, m.psi, m.rho
     K0, K1, K2, root, here = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.bool_)
     out = np.empty(columns.shape)
     finite = True
@@ -196,13 +208,13 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
             x0 = x1 = x2 = x3 = w0 = w1 = w2 = w3 = s0 = s1 = s2 = s3 = 0.0
             for k in range(n):
                 is_there, size, g0, g1, g2 = here[k], root[k], K0[k], K1[k], K2[k]
-                v, x0, w0, s0 = _step(z0[k] if is_there else 0.0, x0, w0, s0, g0, g1, g2, c, phi, psi)
+                v, x0, w0, s0 = _step(z0[k] if is_there else 0.0, x0, w0, s0, g0, g1, g2, c, phi, psi, rho)
                 o0[k] = v * size
-                v, x1, w1, s1 = _step(z1[k] if is_there else 0.0, x1, w1, s1, g0, g1, g2, c, phi, psi)
+                v, x1, w1, s1 = _step(z1[k] if is_there else 0.0, x1, w1, s1, g0, g1, g2, c, phi, psi, rho)
                 o1[k] = v * size
-                v, x2, w2, s2 = _step(z2[k] if is_there else 0.0, x2, w2, s2, g0, g1, g2, c, phi, psi)
+                v, x2, w2, s2 = _step(z2[k] if is_there else 0.0, x2, w2, s2, g0, g1, g2, c, phi, psi, rho)
                 o2[k] = v * size
-                v, x3, w3, s3 = _step(z3[k] if is_there else 0.0, x3, w3, s3, g0, g1, g2, c, phi, psi)
+                v, x3, w3, s3 = _step(z3[k] if is_there else 0.0, x3, w3, s3, g0, g1, g2, c, phi, psi, rho)
                 o3[k] = v * size
             finite = finite and np.isfinite(x0 + x1 + x2 + x3)  # a non-finite value stays in x
     return out, finite
@@ -210,12 +222,13 @@ def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> t
 
 @njit(cache=True, error_model="numpy")
 def _step(
-    z: float, x: float, w: float, s: float, g0: float, g1: float, g2: float, c: float, phi: float, psi: float
-) -> tuple[float, float, float, float]:
+    z: float, x: float, w: float, s: float, g0: float, g1: float, g2: float, c: float, phi: float, psi: float,
+    rho: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Return the innovation of a sample, and the predicted x, w and s of the next one."""
     v = z - x - s
     flow = w + g1 * v
-    return v, x + (g0 * v + c * flow), flow * phi, psi * (s + g2 * v)
+    return v, rho * (x + g0 * v) + c * flow, flow * phi, psi * (s + g2 * v)
 
 
 @njit(cache=True, error_model="numpy")
@@ -234,7 +247,7 @@ def filtered(Z: Floats, K: Floats, m: System) -> tuple[Floats, Floats]:
             w += K[1, k, d] * v[d, k]
             s += K[2, k, d] * v[d, k]
             states[d, k, 0], states[d, k, 1], states[d, k, 2] = x, w, s
-            x += m.c * w
+            x = m.rho * x + m.c * w
             w *= m.phi
             s *= m.psi
     return states, v
@@ -246,7 +259,7 @@ def smoothed(
 ) -> tuple[Floats, Floats]:
     """Compute the unknown inflow given the whole day and its variance, (days, n) each.
 
-    It is w, or s of a river reach. This is the Rauch-Tung-Striebel smoother in the form that inverts no
+    It is w, or x of a river reach. This is the Rauch-Tung-Striebel smoother in the form that inverts no
     covariance: with r and N accumulated backwards from the innovations, the mean is the filtered one + P F' r
     and the covariance P - P F' N F P. Before the first sample of a pool, only the memory of w runs backwards.
     Arguments as of :func:`filtered` and from :func:`gains`.
@@ -269,10 +282,10 @@ def _means(
 ) -> None:
     """Write the unknown inflow of one day (n,) given all of it."""
     n = len(v)
-    here, (a, b, c) = (1, (1, 3, 4)) if m.diffuse else (2, (2, 4, 5))  # its state and row of P
+    here, (a, b, c) = (1, (1, 3, 4)) if m.diffuse else (0, (0, 1, 2))  # its state and row of P
     r0 = r1 = r2 = 0.0
     for k in range(n - 1, first - 1, -1):
-        r0, r1, r2 = r0, m.c * r0 + m.phi * r1, m.psi * r2  # F' r
+        r0, r1, r2 = m.rho * r0, m.c * r0 + m.phi * r1, m.psi * r2  # F' r
         out[k] = states[k, here] + (P[a, k] * r0 + P[b, k] * r1 + P[c, k] * r2)
         if S[k] > 0.0:
             read = v[k] / S[k] - (K[0, k] * r0 + K[1, k] * r1 + K[2, k] * r2)
@@ -289,8 +302,8 @@ def _means(
 def _variances(out: Floats, first: int, S: Floats, K: Floats, P: Floats, m: System) -> None:
     """Write its variance (n,), which depends on the gaps alone."""
     n = len(S)
-    here = 1 if m.diffuse else 2
-    F = np.array([[1.0, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
+    here = 1 if m.diffuse else 0
+    F = np.array([[m.rho, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
     H = np.array([1.0, 0.0, 1.0])
     N = np.zeros((3, 3))
     V = np.empty((3, 3))

@@ -9,8 +9,14 @@ level error, e white gauge noise; x_0 is unknown. An inflow arrives as a wave, w
 the pool has filled as far: the innovations of w, times wave / A, enter s as well. The error of the response
 is part of v, which has the variance walk_sd^2 + misfit^2 a_k. The activity a_k [m2] is the square of the
 recent change of the level's rate by the flows (:func:`rivid.diagnosis.data.activity`). A river reach, with a
-discharge as output, has no A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow at the lower end.
-Its mean is 0, so that a constant inflow is not absorbed. The fit starts from several models: one start can
+discharge as output, has no A and no walk: x is the unknown inflow as it arrives at the gauge, damped by the
+reach as by a linear reservoir with the time `wave`,
+
+    x_{k+1} = rho x_k + (1 - rho) w_k,    rho = exp(-T_s / wave),
+
+level_sd its standard deviation and level_memory the memory of w, and s has the error of the response. Without
+the damping, an inflow far from the gauge has a memory of days and hardly any variance within hours. The mean
+of x is 0, so that a constant inflow is not absorbed. The fit starts from several models: one start can
 end in a local optimum.
 """
 
@@ -33,6 +39,7 @@ from rivid.diagnosis.noise.kalman import (
     innovations,
     log_likelihoods,
     smoothed,
+    start_of,
 )
 from rivid.errors import RividError
 from rivid.types import Bools, Floats
@@ -47,14 +54,16 @@ class NoiseModel:
     # unknown inflow w: standard deviation [m3/s] and memory [s]; correlation exp(-t / memory)
     inflow_sd: float
     inflow_memory: float
-    level_sd: float  # noise of the level s: standard deviation [m] and memory [s]; for a river reach [m3/s]
+    # noise of the level s: standard deviation [m] and memory [s]; for a river reach the unknown inflow [m3/s]
+    level_sd: float
     level_memory: float
     sample_time: float  # T_s [s]
     surface_area: float | None  # A [m2]; None for a river reach
     # error of the response over the recent change by the flows: number of samples by which a front is early
     # or late [-]
     misfit: float = 0.0
-    # time [s] in which an inflow fills the pool by as much as its wave raises the level at once
+    # time [s] in which an inflow fills the pool by as much as its wave raises the level at once; for a river
+    # reach the time by which it is damped on its way
     wave: float = 0.0
     # share of a level error that remains after a sample, below 1 if losses of the reach grow with its level:
     # forecasts run free from their origin, while the residual is about the observed level
@@ -71,10 +80,10 @@ class NoiseModel:
                 raise RividError(
                     f"noise model: {f.name} is {value}: expected {least}; check what it was fitted to"
                 )
-        if self.surface_area is None and (self.walk_sd or self.inflow_sd or self.wave):
+        if self.surface_area is None and (self.walk_sd or self.inflow_sd):
             raise RividError(
-                f"noise model: walk_sd is {self.walk_sd}, inflow_sd {self.inflow_sd} and wave {self.wave}: "
-                "expected 0 for a river reach, which has none; use level_sd or give surface_area"
+                f"noise model: walk_sd is {self.walk_sd} and inflow_sd {self.inflow_sd}: expected 0 for a "
+                "river reach, which has none; use level_sd or give surface_area"
             )
 
     def whiten(
@@ -130,7 +139,7 @@ class NoiseModel:
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
-        left = self.recall ** np.arange(horizon, -1, -1)
+        left = (m.rho * self.recall) ** np.arange(horizon, -1, -1)
         rise = m.c * w * (m.phi ** np.arange(horizon) * left[1:]).sum()
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
@@ -143,7 +152,7 @@ class NoiseModel:
         return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
-        """Estimate w, or s of a river, and its standard deviation from a residual of whole days (days, n)."""
+        """Estimate w, or x of a river, and its standard deviation from a residual of whole days (days, n)."""
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
@@ -171,11 +180,14 @@ class NoiseModel:
             share = np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
             return np.asarray(rng.normal(0.0, sd, (days, n)) * share)
 
-        flow, v = steps_of(self.inflow_sd, m.phi), rng.normal(0.0, 1.0, (days, n))
+        flow, v = steps_of(np.sqrt(m.inflow), m.phi), rng.normal(0.0, 1.0, (days, n))
         w = np.asarray(lfilter([1.0], [1.0, -m.phi], flow, axis=1), float)
         rise = m.c * w + v * np.sqrt(self.walk_sd**2 + of_x)
-        x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
-        level = steps_of(self.level_sd, m.psi)
+        xx, xw = start_of(m.c, m.phi, m.rho, m.inflow, m.diffuse)
+        known = xw / max(m.inflow, 1e-300)
+        first = known * w[:, :1] + np.sqrt(max(xx - known * xw, 0.0)) * rng.standard_normal((days, 1))
+        x = lfilter([1.0], [1.0, -m.rho], np.concatenate([first, rise[:, :-1]], axis=1), axis=1)
+        level = steps_of(np.sqrt(m.level), m.psi)
         level[:, 1:] += (v * np.sqrt(of_s))[:, :-1] + m.wave * flow[:, 1:]
         if m.wave * m.inflow > 0.0:  # at the start s has a share in w, and earlier innovations
             _, _, _, ws, ss = innovation(m.phi, m.psi, m.inflow, m.level, m.wave)
@@ -209,12 +221,16 @@ def _numbers(
     sample_time: float, surface_area: float | None, inflow_memory: Any, level_memory: Any, walk_sd: Any,
     inflow_sd: Any, level_sd: Any, gauge_sd: Any, misfit: Any, wave: Any, recall: float = 1.0,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the first nine fields of a :class:`System`, each a number or an array."""
+    """Return the first ten fields of a :class:`System`, each a number or an array."""
     T, A = sample_time, surface_area
-    return (
-        0.0 if A is None else T / A, np.exp(-T / inflow_memory), np.exp(-T / level_memory), walk_sd**2,
-        inflow_sd**2, level_sd**2, gauge_sd**2, misfit**2, 0.0 if A is None else wave / A,
-    )  # fmt: skip
+    phi, psi = np.exp(-T / inflow_memory), np.exp(-T / level_memory)
+    if A is not None:
+        return (
+            T / A, phi, psi, walk_sd**2, inflow_sd**2, level_sd**2, gauge_sd**2, misfit**2, wave / A, 1.0
+        )  # fmt: skip
+    rho = np.exp(-T / np.maximum(wave, 1e-3 * T))
+    damped = (1.0 - rho) * (1.0 + rho * psi) / ((1.0 + rho) * (1.0 - rho * psi))  # variance of x over w's
+    return 1.0 - rho, psi, psi, 0.0, level_sd**2 / damped, 0.0, gauge_sd**2, misfit**2, 0.0, rho
 
 
 WALK_LIMIT = 1e-3  # largest random walk with a level-type noise [m per sample]: a larger one absorbs the wind
@@ -237,7 +253,7 @@ class Limits(NamedTuple):
         return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
 
     def systems(self, points: Floats) -> Floats:
-        """Return the filter's numbers at points (q, f), shape (q, 9)."""
+        """Return the filter's numbers at points (q, f), shape (q, 10)."""
         given = vars(self.model) | dict(zip(self.free, np.exp(points).T, strict=True))
         return np.stack(np.broadcast_arrays(*_numbers(**given)), axis=1)
 
@@ -388,8 +404,10 @@ def fit_noise(
     moved, near = _moved(activity, there.shape), bool(alone and starts)
     if near and "wave" in limits.free and starts[0].wave < sample_time:
         # a wave within a sample hardly changes the likelihood: no step leads to the maximum at a longer one
-        travel = float(limits.high[limits.free.index("wave")])
-        starts += (replace(starts[0], wave=limits.model.wave, level_memory=travel),)
+        longer = replace(starts[0], wave=limits.model.wave)
+        if surface_area is not None:
+            longer = replace(longer, level_memory=float(limits.high[limits.free.index("wave")]))
+        starts += (longer,)
 
     def climb(days: Floats, begun: tuple[NoiseModel, ...]) -> NoiseModel:
         return _climb(values, there, moved, days, begun, limits, near)
