@@ -1,6 +1,7 @@
 """Records: days of logs as rows on one grid, each preceded by samples of lead time."""
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -51,6 +52,8 @@ class Record:
     kind: Kind = "pool"
     # (days, n): activity of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known
     activity: Floats | None = None
+    # samples at the start of each row until flows of that time arrive: a residual shows the assumed start
+    blind: int = 0
 
     @property
     def days(self) -> int:
@@ -109,7 +112,7 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
     # is uncertain by some samples, squares are averaged over NEAR of the delay to either side. `up` and
     # `down` (n,) are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
     n = record.time.shape[1]
-    order = 2 if record.kind == "pool" else 1
+    order, delay = _front(record, up)
     total = np.zeros(record.time.shape)
     for flow, kernel in ((record.inflow, up), (record.outflow, down)):
         rate = np.diff(kernel, n=order, prepend=np.zeros(order))
@@ -117,11 +120,22 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
         size = 2 * n
         spectrum = np.fft.rfft(moves, size, axis=1) * np.fft.rfft(rate[:n], size)
         total += np.fft.irfft(spectrum, size, axis=1)[:, :n] ** 2
-    sizes = np.abs(np.diff(up, n=order, prepend=np.zeros(order)))
-    delay = float(np.arange(len(sizes)) @ sizes / max(sizes.sum(), 1e-300))
     half = max(round(NEAR * delay), 1)
     sums = np.cumsum(np.pad(total, ((0, 0), (half + 1, half)), mode="edge"), axis=1)
     return np.asarray(np.maximum(sums[:, 2 * half + 1 :] - sums[:, : -2 * half - 1], 0.0) / (2 * half + 1))
+
+
+def _front(record: Record, up: Floats) -> tuple[int, float]:
+    """Return the differences that make a front of a step response (n,), and its mean delay [samples]."""
+    order = 2 if record.kind == "pool" else 1
+    sizes = np.abs(np.diff(up, n=order, prepend=np.zeros(order)))
+    return order, float(np.arange(len(sizes)) @ sizes / max(sizes.sum(), 1e-300))
+
+
+def with_activity(record: Record, up: Floats, down: Floats) -> Record:
+    """Return a record with the activity of its flows and the samples in which its rows are blind."""
+    blind = min(math.ceil(_front(record, up)[1]), max(record.lead - 1, 0))
+    return replace(record, activity=activity(record, up, down), blind=blind)
 
 
 LONGEST = 150.0

@@ -402,14 +402,16 @@ def settled(model: Model, record: Record, number: int) -> Model:
         white = noise.whiten(z, like=seen, activity=record.activity)[:, record.used]
         here, off = white.mean(axis=0), x - x.mean(axis=0)
         slopes = np.linalg.lstsq(off, white - here, rcond=None)[0]
-        G, g = slopes @ slopes.T, slopes @ here
+        # Columns that differ by rounding have no normal equations in floating point.
+        U, sizes, V = np.linalg.svd(slopes.T, full_matrices=False)
+        U *= sizes > 1e-15 * sizes[0]
         bent = ((white - here - off @ slopes) ** 2).sum() / (len(x) - k)
-        best = here - np.linalg.lstsq(G, g, rcond=None)[0] @ slopes
+        best = here - U @ (U.T @ here)
         size = max(LASTS * float(bent + best @ best) / len(here), 1.0)
-        # The eigenvalues are 1 or more, by the prior; by rounding an inverse may have no Cholesky root.
-        values, vectors = np.linalg.eigh(G / size + np.eye(k))
-        root = vectors / np.sqrt(np.maximum(values, 1.0))
-        at = x.mean(axis=0) - root @ (root.T @ (x.mean(axis=0) + g / size))
+        steep = sizes / np.sqrt(size)
+        width = 1.0 / np.sqrt(1.0 + steep**2)
+        root = V.T * width
+        at = x.mean(axis=0) - root @ (width * (V @ x.mean(axis=0) + steep * (U.T @ here) / np.sqrt(size)))
         at = np.clip(at, (low - mean) / sd, (high - mean) / sd)
         root = np.linalg.qr(root.T)[1].T
         root *= np.sign(np.diag(root))

@@ -57,8 +57,9 @@ class DayErrors(NamedTuple):
 
 
 def residual_of(record: Record, baseline: Floats) -> Floats:
-    """Return measured minus simulated output, NaN where nothing was measured; shape (days, n)."""
-    return np.where(np.isfinite(record.output), record.output - baseline, np.nan)
+    """Return measured minus simulated output, NaN where nothing was measured or blind; shape (days, n)."""
+    seen = np.isfinite(record.output) & (np.arange(record.output.shape[1]) >= record.blind)
+    return np.where(seen, record.output - baseline, np.nan)
 
 
 def day_errors(
@@ -72,7 +73,7 @@ def day_errors(
     usual = max(round(EVERY / record.sample_time), 1)
     for i, horizon in enumerate(hours):
         steps = max(round(horizon * HOUR / record.sample_time), 1)
-        first = min(max(round(START / record.sample_time), 1), n - steps - 1)
+        first = min(record.blind + max(round(START / record.sample_time), 1), n - steps - 1)
         if first < 0:
             continue
         every = usual if steps < n // 2 else max(usual // 3, 1)

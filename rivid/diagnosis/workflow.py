@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.data import Record, activity
+from rivid.diagnosis.data import Record, with_activity
 from rivid.diagnosis.decision import ALONE, HAIR, Study, alike, difference, harmless, leading, ranked
 from rivid.diagnosis.explanation import (
     FRESH,
@@ -192,7 +192,7 @@ class _Search:
         self.notes: list[str] = []
         responses, record = self._carried(responses, record)
         kernels = kernels_of(responses[0], record)
-        self.record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
+        self.record = with_activity(record, kernels["up"], kernels["down"])
         self.responses, self.gauge_floor, self.start, self.dated = responses, gauge_floor, start, dated
         self.classes = {name: one for name, one in classes.items() if one.acts_on(record.kind)}
         self.dealt = split(record.dates)

@@ -17,6 +17,7 @@ from rivid.diagnosis.data import (
     joined,
     lead_of,
     read_record,
+    with_activity,
 )
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
@@ -172,6 +173,29 @@ def test_a_step_of_the_inflow_shows_at_the_delay_and_one_of_the_outflow_at_once(
         half = max(round(NEAR * DELAY), 1)
         assert there.tolist() == list(range(seen - half, seen + half + 1))
         assert found[0].sum() == pytest.approx((30.0 * RAMP) ** 2)  # its energy is conserved
+
+
+def test_forecasts_do_not_start_from_what_a_row_assumes_of_the_time_before_it():
+    """Regression: a flow on its way at the start of a row was weather for its first forecast."""
+    rng = np.random.default_rng(2)
+    r = as_record(
+        DATES[:3], 432.0 * np.arange(N), 300.0 + np.repeat(rng.normal(0.0, 50.0, (3, N // 10)), 10, axis=1),
+        np.zeros((3, N)), np.zeros((3, N)), sample_time=432.0, lead=START_UP + DELAY,
+    )  # fmt: skip
+    every = np.concatenate([r.inflow[0, : r.lead], *r.inflow[:, r.lead :]])
+    came = np.concatenate([np.full(DELAY, every[0]), every])[: len(every)]
+    level = np.concatenate([[0.0], RAMP * np.cumsum(came)[:-1]])  # of one simulation over all days
+    rows = np.stack([level[day * N :][: N + r.lead] for day in range(3)])
+    late = np.concatenate([np.repeat(r.inflow[:, :1], DELAY, axis=1), r.inflow], axis=1)[:, : N + r.lead]
+    base = np.concatenate([np.zeros((3, 1)), RAMP * np.cumsum(late, axis=1)[:, :-1]], axis=1)
+    r = replace(r, output=rows)
+    noise = NoiseModel(1e-3, 1e-5, 5.0, 20_000.0, 0.0, 1e4, 432.0, 432.0 / RAMP)
+    seen = with_activity(r, UP, DOWN)
+    assert seen.blind in (DELAY, DELAY + 1)
+    wrong, right = (
+        day_errors(one, residual_of(one, base), noise, (1.0, 24.0)).rmse([1, 2]) for one in (r, seen)
+    )
+    assert (right < 1e-9).all() and (wrong > 1e-3).all()
 
 
 def test_activity_is_that_of_a_plain_loop_and_grows_with_the_square_of_the_flows():
