@@ -120,7 +120,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             if study.stranger is not None and study.stranger.unknown == "dynamics":
                 kind = "No geometry near the configured length, width and depth makes this response"
             return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
-        if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
+        if study.beyond(study.ranking[0][0], MOST, study.opened, study.split.sealed):
             return "unknown", (
                 "Something is missing: most of the error of the simulation is beyond plausible weather, the "
                 f"gauge and the response, and no name is probable enough{first}."

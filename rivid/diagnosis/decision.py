@@ -448,7 +448,7 @@ class Study:
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
         if one.added is None:
-            beyond = self.beyond(parent, self.opened, MATERIAL)
+            beyond = self.beyond(parent, MATERIAL, self.opened)
             if beyond or self.large(one) or self._returns(one, parent):
                 return names, one.unknown
         if parent.parent is None and not parent.unknown:  # compare with the best response
@@ -550,16 +550,17 @@ class Study:
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
-    def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
-        """Return whether the squared error on `days` exceeds that of its noise by the share `least`."""
+    def beyond(self, one: Explanation, least: float, *parts: Bools) -> bool:
+        """Return whether the squared error on one part of the days exceeds its noise's by a share `least`."""
         from scipy.stats import gamma
 
-        # Sums of squares of simulated seasons are treated as a gamma variable. Each horizon is a separate
-        # test; the tests share the significance level.
-        seen = one.errors.squares[:, days].sum(axis=1)
-        rng = np.random.default_rng(0)
-        drawn = (self._drawn(one, one.noise, rng).squares[:, days].sum(axis=1) for _ in range(SEASONS))
-        sums = np.stack(list(drawn))
+        # Sums of squares of simulated seasons are treated as a gamma variable. Each horizon of each part is a
+        # separate test; the tests share the significance level.
+        def sums_of(errors: DayErrors) -> Floats:
+            return np.concatenate([errors.squares[:, days].sum(axis=1) for days in parts])
+
+        seen, rng = sums_of(one.errors), np.random.default_rng(0)
+        sums = np.stack([sums_of(self._drawn(one, one.noise, rng)) for _ in range(SEASONS)])
         mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
         chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
         return bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / len(seen))).any())

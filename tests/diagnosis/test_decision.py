@@ -413,20 +413,20 @@ def test_an_unknown_counts_where_the_error_is_larger_than_that_of_the_noise():
     for noise, unknown in ((QUIET, True), (LOUD, False)):
         nothing = explained(noise=noise)
         study = study_of(nothing, explained("", 9.0, -0.1, parent=nothing, unknown="flow"))
-        assert study.beyond(nothing, OPEN, MATERIAL) == unknown and (study.unknown > 0.9) == unknown
+        assert study.beyond(nothing, MATERIAL, OPEN) == unknown and (study.unknown > 0.9) == unknown
 
 
 def test_errors_of_the_noise_are_an_excess_as_often_as_said_and_larger_ones_on_their_days_alone():
     noise = NoiseModel(0.002, 1e-4, 3.0, 9000.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
-    seasons, found = examples(40), 0
+    seasons, found = examples(40), np.zeros(2, int)
     for seed in range(seasons):
         drawn = noise.simulate(RECORD.days, RECORD.time.shape[1], np.random.default_rng([7, seed]))
         errors = day_errors(RECORD, drawn, noise, HORIZONS)
         one = replace(explained(noise=noise), errors=errors)
-        found += study_of(one).beyond(one, OPEN, 0.0)
-    assert found <= DOUBT * seasons + 3.0 * np.sqrt(DOUBT * seasons)
+        found += [study_of(one).beyond(one, 0.0, *parts) for parts in ((OPEN,), (OPEN, ~OPEN))]
+    assert (found <= DOUBT * seasons + 3.0 * np.sqrt(DOUBT * seasons)).all()
     errors.squares[:, ~OPEN] *= 4.0
-    assert not study_of(one).beyond(one, OPEN, 0.5) and study_of(one).beyond(one, ~OPEN, 0.5)
+    assert not study_of(one).beyond(one, 0.5, OPEN) and study_of(one).beyond(one, 0.5, ~OPEN)
 
 
 def test_an_unknown_counts_where_it_is_larger_than_weather():
