@@ -41,7 +41,7 @@ AMPLITUDE = Estimate("amplitude", 6.0412, "m3/s", 5.83, 6.25)
         (q.percent, {(0.864,): "86 %", (-0.12,): "-12 %", (-0.001,): "0 %", (math.nan,): "–"}),
         (
             q.explanation,
-            {((), None): "nothing missing", (("leakage",), "flow"): "leakage and an unknown flow"},
+            {((), None): "nothing missing", (("leakage",), "flow"): "leakage and an unknown flow or delay"},
         ),
     ],
 )
