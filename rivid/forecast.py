@@ -24,7 +24,6 @@ from scipy.special import ndtri
 from rivid.config import Config
 from rivid.diagnosis.calibrated import SETTLED, ReachModel, reached
 from rivid.diagnosis.data import Record, with_activity
-from rivid.diagnosis.fit import residual_of
 from rivid.diagnosis.response.hydraulic import as_far_as_it_goes
 from rivid.errors import ConfigError, NoDataError
 from rivid.logs.days import find_days, held_means, read_series
@@ -250,7 +249,7 @@ def run(
     kernels = model.kernels(time.shape[1])
     record = with_activity(record, kernels["up"], kernels["down"])
     baseline = as_far_as_it_goes(model.model.reach.baseline, record, model.model.changes(record))
-    mean, sd = model.noise.ahead(residual_of(record, baseline), record.activity)
+    mean, sd = model.noise.ahead(record.output - baseline, record.activity)
     total = _hold(baseline + mean)
     now = _hold(output[:, : lead + 1])[:, -1:]
     later = slice(lead + 1, None)

@@ -52,7 +52,7 @@ class Record:
     kind: Kind = "pool"
     # (days, n): activity of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known
     activity: Floats | None = None
-    # samples at the start of each row until flows of that time arrive: a residual shows the assumed start
+    # samples at the start of each row until flows of that time arrive: errors show the assumed start
     blind: int = 0
 
     @property

@@ -37,7 +37,7 @@ GAUGE = 0.015  # largest plausible white noise of a gauge [m]
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of its correlated part, over step / sqrt(12): a
 reading in steps keeps its error until the level has moved by a step. Noise of half a step makes it white."""
-WAVE = 0.5  # least wave of an inflow [samples], which shows from one on; the largest is the travel time
+WAVE = 0.5  # least wave of an inflow [samples], which shows from one on
 WIND = (0.3 * HOUR, DAY)  # limits of the memory of a wind set-up [s]
 
 
@@ -57,9 +57,8 @@ class DayErrors(NamedTuple):
 
 
 def residual_of(record: Record, baseline: Floats) -> Floats:
-    """Return measured minus simulated output, NaN where nothing was measured or blind; shape (days, n)."""
-    seen = np.isfinite(record.output) & (np.arange(record.output.shape[1]) >= record.blind)
-    return np.where(seen, record.output - baseline, np.nan)
+    """Return measured minus simulated output, NaN where nothing was measured; shape (days, n)."""
+    return np.where(np.isfinite(record.output), record.output - baseline, np.nan)
 
 
 def day_errors(
@@ -73,11 +72,15 @@ def day_errors(
     usual = max(round(EVERY / record.sample_time), 1)
     for i, horizon in enumerate(hours):
         steps = max(round(horizon * HOUR / record.sample_time), 1)
-        first = min(record.blind + max(round(START / record.sample_time), 1), n - steps - 1)
+        # A day ahead, origins are few and all in the lead time.
+        near = steps < n // 2
+        blind = record.blind if near else 0
+        first = min(blind + max(round(START / record.sample_time), 1), n - steps - 1)
         if first < 0:
             continue
-        every = usual if steps < n // 2 else max(usual // 3, 1)
-        errors = noise.forecast_errors(residual, steps, every=every, first=first, activity=record.activity)
+        every = usual if near else max(usual // 3, 1)
+        clear = np.where(np.arange(n) >= blind, residual, np.nan)
+        errors = noise.forecast_errors(clear, steps, every=every, first=first, activity=record.activity)
         targets = np.arange(first, n - steps, every) + steps
         known = np.isfinite(errors) & record.used[:, targets]
         squares[i] = np.where(known, errors**2, 0.0).sum(axis=1)
@@ -121,14 +124,15 @@ class Model:
     def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
         """Return limits of the noise's fields: usual weather and gauge, except for what is unknown."""
         flow, T = max(abs(self.flow), 1e-9), record.sample_time
-        wave = {"wave": (WAVE * T, max(T, self.reach.travel_time))}
+        wave = {"wave": (WAVE * T, max(T, self.reach.longest_wave))}
         if self.reach.surface_area is None:
             known = {
                 "level_sd": (0.0, WEATHER * flow),
                 "level_memory": MEMORY,
                 "gauge_sd": (0.0, max(RATING * flow, 2.0 * self.gauge_floor)),
             }
-            return wave if self.noise_kind in ("flow", "gauge") else known | wave
+            # an unknown flow may change at once
+            return {} if self.noise_kind in ("flow", "gauge") else known | wave
         limits = wave | {"gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor))}
         if self.noise_kind != "flow":
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}

@@ -203,7 +203,11 @@ def percent(share: float) -> str:
 
 def explanation(names: Sequence[str], unknown: str | None) -> str:
     """Return an explanation in words."""
-    latent = {"flow": "an unknown flow or delay", "gauge": "an unknown gauge error", "dynamics": "unknown dynamics"}
+    latent = {
+        "flow": "an unknown flow or delay",
+        "gauge": "an unknown gauge error",
+        "dynamics": "unknown dynamics",
+    }
     return listed([*map(name, names), *([latent[unknown]] if unknown else [])]) or "nothing missing"
 
 

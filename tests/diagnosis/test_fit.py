@@ -35,7 +35,7 @@ class Curve:
     curvature: float = 0.0
     breaks: float = np.inf
     surface_area: None = None
-    travel_time: float = 0.0
+    longest_wave: float = 0.0
     name: str = field(default="curve", init=False)
 
     with_parameters, rough = Response.with_parameters, Response.rough

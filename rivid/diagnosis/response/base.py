@@ -95,8 +95,8 @@ class Response(ABC):
         """A [m2], by which an unknown inflow becomes a rise of the level; None for a river reach."""
 
     @property
-    def travel_time(self) -> float:
-        """Time in which a wave on the usual flow crosses the reach [s]."""
+    def longest_wave(self) -> float:
+        """Longest wave of the weather [s]: the time in which one on the usual flow crosses the pool."""
         return next(p.natural for p in self.parameters if p.name == "delay")
 
     @abstractmethod

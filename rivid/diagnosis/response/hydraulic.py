@@ -191,7 +191,7 @@ class HydraulicResponse(Response):
         return self._lift[1]
 
     @property
-    def travel_time(self) -> float:
+    def longest_wave(self) -> float:
         """See the base class."""
         return HEADROOM / self.pace
 

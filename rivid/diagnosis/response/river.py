@@ -67,6 +67,11 @@ class RiverResponse(Response):
             flow,
         )
 
+    @property
+    def longest_wave(self) -> float:
+        """Spread of the arrival times along the whole reach [s]."""
+        return next(p.natural for p in self.parameters if p.name == "spread")
+
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the discharge at the lower end [m3/s], shape (days, n)."""
         flows = real_flows(record, changes)
