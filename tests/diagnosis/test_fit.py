@@ -15,12 +15,14 @@ from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import step_within
 from rivid.diagnosis.response.base import FreeParameter, Response, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.response.river import RiverResponse
 from rivid.diagnosis.workflow import CHAINS
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
-from rivid.reach.changes import NO_CHANGES
+from rivid.reach.changes import NO_CHANGES, AddedFlow
 from rivid.reach.gauge import stilled
 from rivid.reach.saint_venant import simulate
+from rivid.simulation.season import ar1
 from tests.diagnosis import pools, sizes
 from tests.diagnosis.responses import DEPTH, GAUGE, few, season
 
@@ -345,6 +347,28 @@ def test_weather_has_limits_and_an_unknown_flow_has_none():
     assert free.log_likelihood(left).sum() > plain.log_likelihood(left).sum() + 100.0
     windy = replace(model, noise_kind="wind").fit_noise(left, record, None)
     assert windy.level_sd > 0.0 and windy.inflow_sd <= most * (1 + 1e-9)
+
+
+def test_weather_far_from_the_gauge_of_a_river_is_damped_and_an_unknown_flow_need_not_be():
+    rng, T = np.random.default_rng(3), 600.0
+    response = RiverResponse.nominal(12_000.0, 3000.0, 200.0)
+    days, n = 30, 144
+    flow = np.full((days, n), 200.0)
+    dates = [dt.date(2024, 1, 1) + dt.timedelta(days=day) for day in range(days)]
+    record = as_record(dates, T * np.arange(n), flow, None, flow, sample_time=T, lead=60, kind="river")
+    weather = 2.0 * np.stack([ar1(60 + n, T, 10_000.0, rng) for _ in range(days)])
+    model = Model(response, None, 200.0, 200.0, 0.05)
+
+    def fit(place, kind):
+        came = response.baseline(record, replace(NO_CHANGES, added=(AddedFlow(place, weather),)))
+        gauge = np.random.default_rng(4).normal(0.0, 0.1, came.shape)
+        left = np.where(record.used, came + gauge - response.baseline(record), np.nan)
+        noise = replace(model, noise_kind=kind).fit_noise(left, record, None)
+        return noise.wave, noise.log_likelihood(left).sum()
+
+    (far, damped), (free, bare), (near, _) = fit(0.0, "plain"), fit(0.0, "flow"), fit(1.0, "plain")
+    assert 1500.0 < far <= 3000.0 * (1.0 + 1e-9) and free == 0.0 and near < 0.5 * far
+    assert damped > bare + 100.0
 
 
 @sizes("seeds", 2, 8)
