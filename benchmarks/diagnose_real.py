@@ -17,7 +17,7 @@ from benchmarks.measure import table
 from rivid.config import Config, load_config
 from rivid.diagnosis.answer import conclude
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of
+from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of, responses_of
 from rivid.diagnosis.data import Record, read_record
 from rivid.diagnosis.decision import Study
 from rivid.diagnosis.explanation import Explanation, fitted, scored, tails_of
@@ -40,10 +40,11 @@ def configs() -> tuple[Config, Config]:
 
 
 def studied(config: Config, record: Record) -> Study:
-    """Return the study of a record."""
+    """Return the study of a record, as `rivid diagnose` makes it."""
     return find_effects(
-        record, response_of(config, record), library_of(config), gauge_floor=gauge_floor_of(config, record)
-    )
+        record, responses_of(config, record), library_of(config), most=config.diagnose.most_effects,
+        gauge_floor=gauge_floor_of(config, record),
+    )  # fmt: skip
 
 
 def floor_of(config: Config, record: Record) -> Floats:
