@@ -121,10 +121,10 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
     gain = S @ B.T @ np.linalg.inv(B @ S @ B.T)
     mean, cov = gain @ data, S - gain @ B @ S
     found, found_sd = model.smooth(z[None], activity_of(model))
-    which = 1 if model.surface_area else 0  # w, or x of a river reach
-    inflow, sd = (part.reshape(4, N)[which] for part in (mean, np.sqrt(np.diag(cov))))
-    assert np.allclose(found[0], inflow, atol=1e-7 if which == 1 else 1e-8)
-    assert np.allclose(found_sd[0], sd, rtol=1e-6)
+    zero, one = np.zeros((N, N)), np.eye(N)
+    wanted = np.hstack([zero, one, zero, zero] if model.surface_area else [one, zero, one, zero])
+    assert np.allclose(found[0], wanted @ mean, atol=1e-7)
+    assert np.allclose(found_sd[0], np.sqrt(np.diag(wanted @ cov @ wanted.T)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("horizon", [1, 7, 20])

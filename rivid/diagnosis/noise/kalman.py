@@ -259,7 +259,7 @@ def smoothed(
 ) -> tuple[Floats, Floats]:
     """Compute the unknown inflow given the whole day and its variance, (days, n) each.
 
-    It is w, or x of a river reach. This is the Rauch-Tung-Striebel smoother in the form that inverts no
+    It is w, or x + s of a river reach. This is the Rauch-Tung-Striebel smoother in the form that inverts no
     covariance: with r and N accumulated backwards from the innovations, the mean is the filtered one + P F' r
     and the covariance P - P F' N F P. Before the first sample of a pool, only the memory of w runs backwards.
     Arguments as of :func:`filtered` and from :func:`gains`.
@@ -282,11 +282,14 @@ def _means(
 ) -> None:
     """Write the unknown inflow of one day (n,) given all of it."""
     n = len(v)
-    here, (a, b, c) = (1, (1, 3, 4)) if m.diffuse else (0, (0, 1, 2))  # its state and row of P
+    h0, h1 = (0.0, 1.0) if m.diffuse else (1.0, 0.0)  # x + s or w
     r0 = r1 = r2 = 0.0
     for k in range(n - 1, first - 1, -1):
         r0, r1, r2 = m.rho * r0, m.c * r0 + m.phi * r1, m.psi * r2  # F' r
-        out[k] = states[k, here] + (P[a, k] * r0 + P[b, k] * r1 + P[c, k] * r2)
+        q0 = h0 * (P[0, k] + P[2, k]) + h1 * P[1, k]
+        q1 = h0 * (P[1, k] + P[4, k]) + h1 * P[3, k]
+        q2 = h0 * (P[2, k] + P[5, k]) + h1 * P[4, k]
+        out[k] = h0 * (states[k, 0] + states[k, 2]) + h1 * states[k, 1] + (q0 * r0 + q1 * r1 + q2 * r2)
         if S[k] > 0.0:
             read = v[k] / S[k] - (K[0, k] * r0 + K[1, k] * r1 + K[2, k] * r2)
             r0, r2 = r0 + read, r2 + read
@@ -302,7 +305,7 @@ def _means(
 def _variances(out: Floats, first: int, S: Floats, K: Floats, P: Floats, m: System) -> None:
     """Write its variance (n,), which depends on the gaps alone."""
     n = len(S)
-    here = 1 if m.diffuse else 0
+    h = np.array([0.0, 1.0, 0.0]) if m.diffuse else np.array([1.0, 0.0, 1.0])
     F = np.array([[m.rho, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
     H = np.array([1.0, 0.0, 1.0])
     N = np.zeros((3, 3))
@@ -313,7 +316,7 @@ def _variances(out: Floats, first: int, S: Floats, K: Floats, P: Floats, m: Syst
         V[0, 2] = V[2, 0] = P[2, k]
         V[1, 2] = V[2, 1] = P[4, k]
         back = F @ V  # its transpose is P F'
-        out[k] = max((V - back.T @ N @ back)[here, here], 0.0)
+        out[k] = max(h @ (V - back.T @ N @ back) @ h, 0.0)
         N = F.T @ N @ F
         if S[k] > 0.0:
             L = np.eye(3) - np.outer(K[:, k].copy(), H)

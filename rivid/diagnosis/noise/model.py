@@ -152,7 +152,7 @@ class NoiseModel:
         return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
-        """Estimate w, or x of a river, and its standard deviation from a residual of whole days (days, n)."""
+        """Estimate w, or x + s of a river, and its deviation from a residual of whole days (days, n)."""
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
         K, S, P = gains(there, _moved(activity, values.shape), m, True)
