@@ -76,7 +76,7 @@ def diagnosed(reach: Reach, record: Record) -> tuple[list[list[str]], Counter[st
             few, _ = read_record(DATA, reach.config, first=begin, last=end)
             found, _ = workflow.diagnose(
                 few, responses_of(reach.config, few), library_of(reach.config),
-                gauge_floor=gauge_floor_of(reach.config, few),
+                gauge_floor=gauge_floor_of(reach.config, few), most=reach.config.diagnose.most_effects,
             )  # fmt: skip
         except RividError as error:
             rows.append([f"{begin} to {end}", f"failed: {error}", "", "", ""])

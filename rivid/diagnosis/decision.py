@@ -32,9 +32,6 @@ TEMPER = 0.5
 """Exponent of the scores, divided by their inflation. Over 93 development seasons of 30 to 120 days the log
 loss of names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2
 an earlier search lost two of three stretches of the bypass of Glen Canyon."""
-IMPROBABLE = 1e-3
-"""Probability below which events are not compared with those of noise, which only lowers it: together fifty
-such explanations have the probability 1 - :data:`ALONE`."""
 UNKNOWN = 0.5
 """Least probability of an unknown cause at which it is the verdict: more probable than all names together."""
 THIRD = 1.3
@@ -351,15 +348,10 @@ class Study:
     @cached_property
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """The best explanation of each kind with its probability, most probable first."""
-        pool = leading(self._counting, self.opened)
-        paid, unpaid = list(pool), {i for i, one in enumerate(pool) if one.events}
-        days = self.opened, self.split.block
+        pool, days = leading(self._counting, self.opened), (self.opened, self.split.block)
+        # All pay, the improbable ones too: they set the scale of the others.
+        paid = [without_mirrored(one, self.record, *days) for one in pool]
         chances = ranked(paid, *days, self.extended)
-        while probable := {i for i in unpaid if chances[i] > IMPROBABLE}:
-            for i in probable:  # each needs a search
-                paid[i] = without_mirrored(paid[i], self.record, self.opened, self.split.block)
-            unpaid -= probable
-            chances = ranked(paid, *days, self.extended)
         lead = paid[int(np.argmax(chances))]
         levelled = [self._levelled(one, lead) for one in paid]
         chances = ranked(levelled, *days, self.extended).tolist()

@@ -54,7 +54,6 @@ from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import DAY, HOUR, Ints
 
-MOST_EFFECTS = 3
 FEWEST_DAYS = 15  # one cycle of blocks
 TRIED = 6
 """Number of names tried in the simulator per explanation: each costs about ten simulations. How often the
@@ -129,7 +128,7 @@ def find_effects(
     gauge_floor: float = 0.0,  # least gauge noise: the reading's step / sqrt(12) [m or m3/s]
     start: Sequence[Effect] = (),  # in the model from the start
     dated: Sequence[Effect] = (),  # tried with these dates and sizes, too
-    most: int = MOST_EFFECTS,
+    most: int,  # effects that are added, at most
     report: Report = lambda done, what: None,  # called with the share of the work done, and what is next
 ) -> Study:
     """Run all steps of a diagnosis except the verdict."""

@@ -10,6 +10,7 @@ from scipy.integrate import trapezoid
 from scipy.special import softmax
 from scipy.stats import ttest_1samp
 
+from rivid.diagnosis import decision
 from rivid.diagnosis.answer import USUAL, _described, _named, _next, _ranking, _small, _verdict
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import (
@@ -300,6 +301,24 @@ def test_events_pay_for_those_of_the_impossible_sign():
     assert gained > 100.0 and cost < 0.1 * gained  # the cost is due to chance
     gained, cost = paid(range(2, 25, 3))
     assert cost > 0.5 * gained > 0.0
+
+
+def test_improbable_explanations_pay_for_their_events_too(monkeypatch):
+    """Regression: before they paid, their lead over those that had was taken for an error of the response."""
+    nothing = explained()
+    one = explained("leakage", 300.0, parent=nothing, log_prior=-4.0)
+    two = explained("leakage", 100.0, parent=one, log_prior=-8.0, events=("pulses",))
+    others = [
+        explained(name, -9.0, parent=two, log_prior=-16.0, events=("pulses",))
+        for name in ("sensor_drift", "outflow_lag", "side_storage")
+    ]
+
+    def pay(one, record, opened, blocks):
+        return replace(one, density=one.density - 100.0 / (TEMPER * OPEN.sum()) * len(one.events))
+
+    monkeypatch.setattr(decision, "without_mirrored", pay)
+    study = study_of(nothing, one, two, *others)
+    assert sum(p for found, p in study.ranking if "leakage" in found.names) > 0.999
 
 
 @pytest.mark.parametrize("recedes", [True, False])

@@ -28,7 +28,7 @@ def season(*hidden, seed=6):
 def answer(record, *names, responses=None, **others):
     classes = {name: CATALOGUE[name] for name in names}
     given = pools.nominal(record) if responses is None else responses
-    return diagnose(record, given, classes, gauge_floor=pools.GAUGE_FLOOR, **others)
+    return diagnose(record, given, classes, gauge_floor=pools.GAUGE_FLOOR, most=4, **others)
 
 
 def number(effect, name):
@@ -189,7 +189,7 @@ def test_few_days_still_flows_and_an_empty_library_give_no_answer():
 
 def test_responses_that_cannot_be_run_are_an_error():
     with pytest.raises(RividError, match="no water"):
-        find_effects(season(), [Broken()], {"leakage": CATALOGUE["leakage"]})
+        find_effects(season(), [Broken()], {"leakage": CATALOGUE["leakage"]}, most=4)
 
 
 def test_every_effect_of_the_catalogue_is_tried_or_found_otherwise():
@@ -359,7 +359,7 @@ def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, na
             return lambda *given: next(iter(given), None)
 
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
-    find_effects(pools.season(6, DAYS, (), T_S), (), {})
+    find_effects(pools.season(6, DAYS, (), T_S), (), {}, most=4)
     beside = [small.names] if likelier and not events else []
     assert extended == [first.names] + named * [waves.names] + beside
 
@@ -440,7 +440,7 @@ def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeyp
             return lambda *given: next(iter(given), None)
 
     monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
-    find_effects(pools.season(6, DAYS, (), T_S), (), {})
+    find_effects(pools.season(6, DAYS, (), T_S), (), {}, most=4)
     assert asked == [better, better]
 
 
