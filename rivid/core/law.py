@@ -66,8 +66,9 @@ PLACE = 0.15
 GRID = 25, 25, 13
 """Points of the grid in ln T0, b and ln scatter, of which each round keeps what matters."""
 
-FINE = 1000
-"""Travel times at which the likelihood of a day is computed; in between it is interpolated."""
+FINE = 500
+"""Travel times at which the likelihood of a day is computed; in between it is interpolated. With 8,000 the
+intervals of 28 simulated records are the same within 0.3 %."""
 
 ROUNDS = 12
 """Largest number of rounds; three to five are usual."""
