@@ -42,7 +42,7 @@ KERNELS := $(shell grep -rl "^@njit" --include=*.py rivid)
 $(VENV)/.compiled: $(VENV)/.dev $(KERNELS)  # these tests call all kernels: compiled here once, not by each worker
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not long" \
 		tests/reach/test_gate.py tests/diagnosis/test_noise.py tests/diagnosis/test_response.py \
-		tests/diagnosis/test_decision.py
+		tests/diagnosis/test_decision.py::test_events_pay_for_those_of_the_impossible_sign
 	@touch $@
 
 test: setup $(VENV)/.compiled  ## all tests but the long loops; no worker waits for another's last file

@@ -231,8 +231,8 @@ def test_the_headline_has_the_median_since_a_step_and_not_that_of_the_last_week(
 def test_a_river_follows_posterior_of_which_d_is_t50_rounded(tmp_path):
     """Regression: t50 was that of jmap, and d of posterior a jump of the response from d to d + 1."""
     run = probable_river()
-    e = run.estimators[1]
-    html, page = write(run, tmp_path, draw_all(run, tmp_path))
+    e, figures = run.estimators[1], draw_all(run, tmp_path)
+    html, page = write(run, tmp_path, figures)
     words = " ".join(page.words.replace("\u00a0", " ").split())
     rows, d = top(html), int(np.nanmedian(e.delay))
     assert "By <code>posterior</code>; the other" in html and "t50 of each day by posterior" in words
@@ -240,7 +240,7 @@ def test_a_river_follows_posterior_of_which_d_is_t50_rounded(tmp_path):
     assert "Jump delay d" not in words and "It is t50 to the nearest sample" in words
     assert f"{d} samples ({samples_first([d], 900, True).split('(')[1]}" in words
     assert "between d - 1/2 and d + 1/2 samples" in words and "between d and d + 1 samples, or" not in words
-    captions = {(f.kind, f.estimator): caption(f) for f in draw_all(run, tmp_path)}
+    captions = {(f.kind, f.estimator): caption(f) for f in figures}
     assert not any("looks for a jump" in text for (_, name), text in captions.items() if name == "posterior")
     assert "band from d - 1/2 to d + 1/2 holds t50" in captions["fir_day", ""]
     assert "as a delay" not in captions["delay_map", "posterior"]
