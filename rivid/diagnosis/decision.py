@@ -15,8 +15,7 @@ import numpy as np
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.events import find_events
-from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, tails_of
+from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, tails_of, without_mirrored
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
@@ -216,27 +215,6 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
-def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
-    """Reduce the score of an explanation by the gain of events of the opposite sign in its residual."""
-    # Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
-    # impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
-    seen, density = np.where(record.used, one.residual, np.nan), one.density
-    follows = np.append(False, np.diff(record.day_number) == 1)
-    for events in one.events:
-        if not events.kind.sign:
-            continue
-        found = find_events(
-            seen, one.noise.whiten, replace(events.kind, sign=-events.kind.sign), record.sample_time,
-            lead=record.lead, follows=follows,
-        )  # fmt: skip
-        more = replace(one, residual=one.residual - found.coded, events=(*one.events, found))
-        more = scored(more, record, blocks, tails_of(one, record))
-        gained = max(float((more.density - one.density)[opened].sum()), 0.0)
-        days = np.bincount([event.day for event in events.events], minlength=record.days) * opened
-        density = density - gained * days / max(days.sum(), 1)
-    return replace(one, density=density)
-
-
 def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
     """Return an explanation with effect dates that begin and end on the likeliest sealed days."""
     # Open days do not show on which of the sealed days between two of them an effect begins or ends. The
@@ -255,7 +233,9 @@ def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Ex
                 except RividError:  # the reach cannot carry the flows
                     continue
                 moved = replace(one, model=model, residual=left)
-                tried.append(scored(moved, record, blocks, tails_of(moved, record)))
+                tails = tails_of(moved, record)
+                moved = scored(moved, record, blocks, tails)
+                tried.append(without_mirrored(moved, record, opened, blocks, tails))
             if tried:
                 one = max(tried, key=lambda each: float(each.density[~opened].sum()))
                 chosen = np.isin(np.arange(record.days), able) & ~opened
@@ -349,11 +329,8 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """The best explanation of each kind with its probability, most probable first."""
         pool, days = leading(self._counting, self.opened), (self.opened, self.split.block)
-        # All pay, the improbable ones too: they set the scale of the others.
-        paid = [without_mirrored(one, self.record, *days) for one in pool]
-        chances = ranked(paid, *days, self.extended)
-        lead = paid[int(np.argmax(chances))]
-        levelled = [self._levelled(one, lead) for one in paid]
+        lead = pool[int(np.argmax(ranked(pool, *days, self.extended)))]
+        levelled = [self._levelled(one, lead) for one in pool]
         chances = ranked(levelled, *days, self.extended).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 

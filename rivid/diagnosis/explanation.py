@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.events import Events
+from rivid.diagnosis.events import Events, find_events
 from rivid.diagnosis.fit import ENOUGH, HOURS, NEAR, TRIES, WIDE, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel, day_weights
 from rivid.diagnosis.predictive import day_densities, held_out, information, step_within
@@ -475,6 +475,29 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     if one.parent is not None and one.bonus is not None and one.parent.bonus is None:
         return replace(one, errors=one.parent.errors)  # the filter does not forecast a swing
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
+
+
+def without_mirrored(
+    one: Explanation, record: Record, opened: Bools, blocks: Ints, tails: float
+) -> Explanation:
+    """Reduce the score of an explanation by the gain of events of the opposite sign in its residual."""
+    # Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
+    # impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
+    seen, density = np.where(record.used, one.residual, np.nan), one.density
+    follows = np.append(False, np.diff(record.day_number) == 1)
+    for events in one.events:
+        if not events.kind.sign:
+            continue
+        found = find_events(
+            seen, one.noise.whiten, replace(events.kind, sign=-events.kind.sign), record.sample_time,
+            lead=record.lead, follows=follows,
+        )  # fmt: skip
+        more = replace(one, residual=one.residual - found.coded, events=(*one.events, found))
+        more = scored(more, record, blocks, tails)
+        gained = max(float((more.density - one.density)[opened].sum()), 0.0)
+        days = np.bincount([event.day for event in events.events], minlength=record.days) * opened
+        density = density - gained * days / max(days.sum(), 1)
+    return replace(one, density=density)
 
 
 TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)  # degrees of freedom that are tried

@@ -28,6 +28,7 @@ from rivid.diagnosis.explanation import (
     scored,
     settled,
     tails_of,
+    without_mirrored,
 )
 from rivid.diagnosis.fit import ENOUGH, Model, NoiseKind
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
@@ -141,10 +142,10 @@ def find_effects(
         search.begin_round(turn, most)
         for other in promising if turn == 0 else ():
             search.extend(other)
-        parent = search.extend(parent)
-        again = search.again(parent)
-        if again is not parent:  # its extensions begin at a better response
-            parent = search.extend(again)
+        before = search.extend(parent)
+        parent = search.again(before)
+        if parent is not before and search.contested(search.score(parent) - search.score(before)):
+            parent = search.extend(parent)  # the extensions begin at a better response
         extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
         if (lead.names, "") not in extended:
@@ -243,7 +244,8 @@ class _Search:
         one = swung(one, self.record) or one
         if self.tails is None:
             self.tails = tails_of(one, self.record)
-        return scored(one, self.record, self.dealt.block, self.tails)
+        one = scored(one, self.record, self.dealt.block, self.tails)
+        return without_mirrored(one, self.record, self.opened, self.dealt.block, self.tails)
 
     def begun(self) -> list[Explanation]:
         """Return the best response without further effects, then those that an effect could make better."""
@@ -572,7 +574,7 @@ class _Search:
 
         if near in (None, one):
             return self._fitted(one, one, FRESH, enough=enough(one))
-        more = self._fitted(one, near)
+        more = self._fitted(one, near, enough=enough(one))
         # New columns about the response of `near` are computed only if the fit is better with it.
         better = more is not None and self.score(more) > self.score(one)
         return self._fitted(more, more, 1, enough=enough(more)) if more is not None and better else more
@@ -623,6 +625,12 @@ class _Search:
             return parent
         self.pool = [replace(o, parent=one) if o.parent is parent else o for o in self.pool]
         return one
+
+    def contested(self, gain: float) -> bool:
+        """Return whether the second best explanation would lead with a gain [nats]."""
+        known = [one for one in self.pool if one.unknown != "dynamics"]
+        *_, second, first = sorted([-np.inf, *map(self.score, leading(known, self.opened))])
+        return bool(second + gain + LEAST > first)
 
     def level_rivals(self, lead: Explanation) -> None:
         """Extend the rivals of the parent of `lead` by the same effect, so that twins stay comparable."""

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
-from rivid.diagnosis.decision import alike, ranked
+from rivid.diagnosis.decision import TEMPER, alike, ranked
 from rivid.diagnosis.explanation import FRESH, STEPS, Way, fitted
 from rivid.diagnosis.fit import ENOUGH, Model
-from rivid.diagnosis.workflow import _as_twin, _Search, diagnose, find_effects
+from rivid.diagnosis.workflow import LEAST, _as_twin, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
@@ -444,6 +444,54 @@ def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeyp
     assert asked == [better, better]
 
 
+@pytest.mark.parametrize("contested", [True, False])
+def test_what_a_refitted_parent_has_is_tried_again_where_that_can_change_what_leads(monkeypatch, contested):
+    first, better = explained(), explained(nats=9.0)
+    extended = []
+
+    class Search:
+        pool = (first, better)
+        score = staticmethod(lambda one: float(one.density[OPEN].sum()))
+        begun = staticmethod(lambda: [first])
+        lead = staticmethod(lambda: better)
+        ordered = staticmethod(lambda: [better])
+        again = staticmethod(lambda parent: better)
+        study = staticmethod(lambda: extended)
+
+        def __init__(self, *given):
+            pass
+
+        def extend(self, parent):
+            extended.append(parent)
+            return parent
+
+        def contested(self, gain):
+            assert gain == pytest.approx(9.0 / TEMPER)
+            return contested
+
+        def __getattr__(self, name):
+            return lambda *given: next(iter(given), None)
+
+    monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
+    find_effects(pools.season(6, DAYS, (), T_S), (), {}, most=1)
+    assert extended == [first, better][: 1 + contested]
+
+
+def test_a_lead_is_contested_by_the_best_explanation_of_another_kind():
+    nothing = explained()
+    lead, twin = (explained("leakage", nats, 0.5, parent=nothing) for nats in (90.0, 89.0))
+    second = explained("outflow_lag", 60.0, 0.5, parent=nothing)
+    dynamics = explained(nats=80.0, unknown="dynamics")
+    search = SimpleNamespace(
+        pool=[nothing, lead, twin, second, dynamics], opened=OPEN,
+        score=lambda one: float(one.density[OPEN].sum()),
+    )  # fmt: skip
+    apart = search.score(lead) - search.score(second) - LEAST
+    assert _Search.contested(search, apart + 0.1) and not _Search.contested(search, apart - 0.1)
+    search.pool = [nothing]
+    assert not _Search.contested(search, 1e6)
+
+
 def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monkeypatch):
     """All were fitted from a response that the first showed to be biased, then again from a better one."""
     classes = {name: CATALOGUE[name] for name in ("leakage", "outflow_lag", "outflow_gain_error")}
@@ -512,7 +560,7 @@ def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_fron
     assert behind(better) > ENOUGH
     assert refitted(None) == [(rival, FRESH, behind(rival))]
     # from the response of the lead: without new columns first, with them as far as it is still behind then
-    assert refitted(lead) == [(lead, 0, ENOUGH), (better, 1, behind(better))]
+    assert refitted(lead) == [(lead, 0, behind(rival)), (better, 1, behind(better))]
     better = explained("outflow_lag", 100.0, 0.5)
     assert refitted(lead)[1] == (better, 1, ENOUGH)
     better = explained("outflow_lag", 40.0, 0.5)
