@@ -521,6 +521,22 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
     assert grown(lambda parent: better) == (better, [(biased, [first]), (better, [first, *others])])
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_pulses_that_enter_are_no_unknown_flow_beside_pulses_that_leave(monkeypatch, sign):
+    """Regression: beside lock pulses, which paid for them, they were an unknown flow of 0.64."""
+    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *given: [])
+    tried = []
+    search = SimpleNamespace(
+        record=pools.season(6, DAYS, (), T_S), classes={"rain_inflow": CATALOGUE["rain_inflow"]}, pool=[],
+        extended=set(), again=lambda parent: parent, _grow=lambda parent, ways: [parent for _ in ways],
+        _with_unknown=lambda parent: (parent, []), _library=lambda parent: SimpleNamespace(kernels=None),
+        _dated=lambda parent: [], _with_recurring=lambda *given: None,
+        _with_unknown_events=lambda parent, effect, *more: tried.append(effect),
+    )  # fmt: skip
+    _Search.extend(search, explained(events=(SimpleNamespace(kind=SimpleNamespace(sign=sign)),)))
+    assert (PassingFlow in tried) == (sign > 0)
+
+
 def test_an_explanation_is_refitted_once_from_the_response_of_the_same_extension():
     nothing = explained()
     leak = explained("leakage", 9.0, 0.5, parent=nothing)
