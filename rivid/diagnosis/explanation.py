@@ -2,7 +2,8 @@
 
 The fit takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects; noise and
 day weights are refitted between steps. The score of a day is the log density of its samples, predicted by the
-fit without the day's block (:mod:`rivid.diagnosis.predictive`), minus the price of its events.
+fit without the day's block (:mod:`rivid.diagnosis.predictive`), minus the price of its events and what events
+of the impossible sign would gain.
 """
 
 import datetime as dt

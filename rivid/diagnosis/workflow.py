@@ -391,9 +391,9 @@ class _Search:
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 wanted.append(Way(name, events))
+        # Pulses that enter measure the noise of pulses that leave, which pay for them.
+        leaves = any(events.kind.sign < 0 for events in parent.events)
         for way, made in zip(wanted, self._grow(parent, wanted), strict=True):
-            # Beside pulses that leave, those that enter are what these pay for.
-            leaves = any(events.kind.sign < 0 for events in parent.events)
             if made is not None and self.classes[way.name].found_as == "recession" and not leaves:
                 self._with_unknown_events(parent, PassingFlow)
             if made is not None and self.classes[way.name].found_as == "level noise":
