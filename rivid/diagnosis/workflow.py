@@ -525,7 +525,7 @@ class _Search:
     def polished(self, lead: Explanation) -> Explanation:
         """Refit `lead` and its rivals with columns about their own responses, and return the new lead.
 
-        If this has an unknown cause, `lead` is refitted from its response, too.
+        If this has another cause, or an unknown one, `lead` is refitted from its response, too.
         """
         # All rivals are refitted from the response of `lead`, which can raise one by 1,000 nats. Those that
         # would lead with the gain of `lead`, and those confounded with it, are refitted from their own too.
@@ -542,8 +542,9 @@ class _Search:
                 rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
-        if (stranger := self.lead()).unknown:  # it must not lead by its response
-            self._polished([best], stranger)
+        other = self.lead()
+        if other.unknown or not set(other.names) <= set(lead.names):  # it must not lead by its response
+            self._polished([best], other)
         return self.lead()
 
     def _settled(self, one: Explanation) -> Explanation:
@@ -556,7 +557,7 @@ class _Search:
         few = self.record.take(chosen)
         few = replace(few, output=few.output - one.coded[chosen])
         reach = settled(replace(one.model, reach=_coarse(nominal), noise=None), few, 0).reach
-        model = replace(one.model, reach=nominal.with_parameters(vector_of(reach)), noise=None)
+        model = replace(one.model, reach=one.model.reach.with_parameters(vector_of(reach)), noise=None)
         more = self._fitted(replace(one, model=model), None, FRESH)
         if more is None or self.score(more) <= self.score(one):
             return one

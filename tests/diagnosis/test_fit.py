@@ -40,7 +40,7 @@ class Curve:
     longest_wave: float = 0.0
     name: str = field(default="curve", init=False)
 
-    with_parameters, rough = Response.with_parameters, Response.rough
+    with_parameters, rough, finer = Response.with_parameters, Response.rough, Response.finer
 
     def baseline(self, record, changes=NO_CHANGES):
         a, b = (p.value for p in self.parameters)
@@ -153,6 +153,45 @@ def test_steps_on_a_cheaper_response_end_at_the_optimum_of_the_costly_one(fresh)
     base = cheap.model.baseline(record)
     np.testing.assert_allclose(cheap.residual, residual_of(record, base), rtol=1e-12)
     np.testing.assert_allclose(cheap.defect, base - cheap.model.rough.baseline(record), rtol=1e-5)
+
+
+@dataclass(frozen=True, eq=False)
+class Misled(Curve):
+    """A curve with a cheaper one of which `a` acts the wrong way; after `better` finer ones, it is right."""
+
+    better: int = 0
+
+    @property
+    def rough(self):
+        return Wrong(self.parameters) if self.better else self
+
+    @property
+    def finer(self):
+        return replace(self, better=self.better - 1) if self.better > 0 else self
+
+
+class Wrong(Curve):
+    """A curve of which `a` acts the wrong way."""
+
+    def baseline(self, record, changes=NO_CHANGES):
+        a, b = vector_of(self)
+        return b * record.outflow - a * record.inflow
+
+    def slopes(self, record, base, changes=NO_CHANGES):
+        return np.stack([-record.inflow, record.outflow])
+
+
+@pytest.mark.parametrize("b", [1.0, -1.0], ids=["some of the gain is real", "none is"])
+def test_a_cheaper_response_that_changes_otherwise_is_replaced_by_a_finer_one(b):
+    record = columns(np.random.default_rng(1), 12)
+    own = fit(Curve(two(b=b)), record, steps=60)
+    found = fit(Misled(two(b=b), better=2), record, steps=60)
+    off = values(found) - values(own)
+    assert off @ precision(own, record) @ off < 0.1 and found.model.reach.better == 0
+    # Where there is none, a step that makes the costly one worse is taken back.
+    left = fit(Misled(two(b=b), better=-1), record, steps=60)
+    before = replace(record, output=record.output - Curve(two(b=b)).baseline(record))
+    assert np.nansum(left.residual**2) <= np.nansum(before.output**2)
 
 
 def test_a_linear_response_settles_where_it_is_fitted():

@@ -62,7 +62,10 @@ def test_a_wave_passes_a_cell_in_a_twelfth_of_a_sample_within_limits(length):
     if length == 5000.0:
         assert 48 < response.cells < 96 and cell == pytest.approx(100.0 / 12.0, rel=0.02)
     rough = response.rough
-    assert rough.cells == 24 and rough.rough is rough
+    assert rough.cells == 24 and rough.rough is rough and rough.finer is rough
+    finer, finest = response.finer, response.finer.finer
+    assert [finer.rough.cells, finest.rough.cells] == [34, 48] and finest.finer is finest
+    assert finest.cells == response.cells and replace(response, cells=40).finer.finer.rough.cells == 40
     np.testing.assert_array_equal(vector_of(rough), vector_of(response))
 
 

@@ -108,6 +108,11 @@ class Response(ABC):
         """A cheaper response with the same parameters, for differences: on fewer cells, if it has any."""
         return self
 
+    @property
+    def finer(self) -> "Response":
+        """The same response with a finer :attr:`rough`, or itself if there is none."""
+        return self
+
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Return the output, running free from each row's start: that of a linear model is its baseline."""
         return self.baseline(record, changes)
