@@ -151,10 +151,12 @@ def find_effects(
         if (lead.names, "") not in extended:
             search.add_rivals(lead)
             lead = search.shifted(search.polished(search.lead()))
-        elif (turn == 0 or lead.unknown) and (likely := search.likeliest(parent)) is not parent:
+        elif (turn == 0 or lead.unknown) and (likely := search.probable(parent)) is not parent:
             # A response that is biased by an effect hides it: with columns about its own it may lead.
             search.add_rivals(likely)
-            lead = search.shifted(search.polished(likely))
+            search.polished(likely)
+            search.shifted(search.probable(parent))  # the dates that hide it, too
+            lead = search.lead()
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
@@ -611,6 +613,13 @@ class _Search:
         more = [one for one in self.pool if one.parent is parent and one.count[0] > parent.count[0]]
         lead = max(more, key=self.score, default=parent)
         return parent if self.score(lead) < self.score(parent) + LEAST else lead
+
+    def probable(self, parent: Explanation) -> Explanation:
+        """Return the most probable extension of `parent` that is material, or the likeliest one."""
+        study, least = self.study(), self.score(parent) + LEAST
+        more = (o for o in self.ordered() if o.parent is parent and o.count[0] > parent.count[0])
+        able = (o for o in more if self.score(o) >= least and study.core(o) != study.core(parent))
+        return next(able, self.likeliest(parent))
 
     def again(self, parent: Explanation) -> Explanation:
         """Refit `parent` from the response of its likeliest extension; return the better one."""

@@ -270,6 +270,21 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is nothing
 
 
+@pytest.mark.parametrize(
+    ("gained", "wanted"), [(99.0, "outflow_gain_error"), (0.5, "side_storage")], ids=["enough", "little"]
+)
+def test_where_nothing_leads_what_is_material_is_fitted_on_before_what_is_likelier(gained, wanted):
+    """Regression: beside a likelier ice cover, a gain error kept dates that were wrong by a day."""
+    nothing = explained()
+    pond = replace(explained("side_storage", 120.0, 0.0, parent=nothing), count=(1, 0))
+    gain = replace(explained("outflow_gain_error", gained, 0.5, parent=nothing), count=(1, 0))
+    search = SimpleNamespace(
+        ordered=lambda: [nothing, pond, gain], study=lambda: study_of(nothing, pond, gain),
+        score=lambda one: float(one.density[OPEN].sum()), likeliest=lambda parent: pond,
+    )  # fmt: skip
+    assert _Search.probable(search, nothing).names == (wanted,)
+
+
 def test_explanations_with_no_probability_are_in_the_order_of_their_scores():
     """Regression: far behind unknown waves all were even, and the first was not the likeliest."""
     nothing = explained()
@@ -379,7 +394,7 @@ def test_the_likeliest_effect_is_polished_in_each_round_in_which_something_unkno
         ordered = staticmethod(lambda: [wave])
         extend = staticmethod(lambda one: one)
         lead = staticmethod(lambda: leads.pop(0))
-        likeliest = staticmethod(lambda parent: {first: release, release: wave}.get(parent, parent))
+        probable = staticmethod(lambda parent: {first: release, release: wave}.get(parent, parent))
         polished = staticmethod(lambda one: polished.append(one) or one)
         study = staticmethod(lambda: polished)
 
@@ -437,7 +452,7 @@ def test_extensions_are_those_of_the_fit_of_the_parent_that_was_extended(monkeyp
             asked.append(parent)
             return parent
 
-        likeliest = again
+        probable = again
 
         def __getattr__(self, name):
             return lambda *given: next(iter(given), None)
