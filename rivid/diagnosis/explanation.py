@@ -163,7 +163,8 @@ effects stopped 1,700 nats below its optimum in an uneven channel, and a leak ga
 of names with their own response, a true leak in another channel got a second, false name."""
 UNREAL = 0.5
 """Largest difference of the gains by the cheaper and by the costly response, over that by the cheaper one.
-Beyond it the cheaper one becomes finer: without, three of nine fits ended 800 to 2,300 nats lower."""
+Beyond it, and beyond what :data:`FRESH` computations of columns may leave, the cheaper one becomes finer:
+without, three of nine fits ended 800 to 2,300 nats lower."""
 RELIABLE = 0.25
 """Smallest ratio of actual to predicted gain of a step at which the columns are still valid; a trust region
 shrinks below it (Nocedal and Wright, 2006, Algorithm 4.1)."""
@@ -259,7 +260,7 @@ def fitted(
         if not exact:
             hoped = cost_of(model, base)
             (base, defect), exact = model.fine(few), True
-            if known is not None:
+            if known is not None:  # the steps must gain what the costly response gains
                 before, real = cost_of(*known[:2]), cost_of(model, base)
                 if abs(real - hoped) > max(UNREAL * (before - hoped), FRESH * ENOUGH):
                     if real > before:

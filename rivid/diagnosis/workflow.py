@@ -155,7 +155,7 @@ def find_effects(
             # A response that is biased by an effect hides it: with columns about its own it may lead.
             search.add_rivals(likely)
             search.polished(likely)
-            search.shifted(search.probable(parent))  # the dates that hide it, too
+            search.shifted(search.probable(parent))  # wrong dates hide it, too
             lead = search.lead()
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
