@@ -281,7 +281,7 @@ def fitted(
     if not exact:
         base, defect = model.fine(few)
     z = residual_of(few, base) - fixed
-    noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=quick)
+    noise, weights = _noise(model, few, left_by(base), weights, alone=quick)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
         rest = record.take(sealed)
