@@ -189,7 +189,8 @@ def fitted(
     Columns are recomputed after the first step, and when a step gains less than `enough` or
     :data:`RELIABLE` of its predicted gain. In a step the output changes as that of the cheaper response
     (:attr:`Response.rough`) does; what the costly one adds is computed with new columns and before the end.
-    Where the gains of both differ, the cheaper one becomes finer (:attr:`Response.finer`).
+    Where the gains of both differ, steps that make the costly one worse are taken back, and for new columns
+    the cheaper one becomes finer (:attr:`Response.finer`).
     Raises RividError if the reach cannot carry the flows.
     """
     p, few = len(model.reach.parameters), record.take(open_days)
@@ -204,7 +205,7 @@ def fitted(
         defect = start.defect[open_days]
         base = model.rough.baseline(few) + defect
     exact = start is None or model.rough is model  # whether the defect is that of the present values
-    known = (model, base, defect) if exact else None  # the last ones for which it was
+    known = model, base, defect, exact  # the last ones for which it was, or those of the start
     shared = None if start is None else start.shared
     J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
@@ -233,7 +234,7 @@ def fitted(
         for turn in range(TRIES if stale else FRESH_TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
             promised = float(g @ move - 0.5 * move @ G @ move)  # predicted gain
-            if promised < (LEAST_STEP if turn < TRIES else ENOUGH):
+            if promised < (enough if corrected else LEAST_STEP if turn < TRIES else ENOUGH):
                 break
             try:
                 other = _moved(model, move * sd)
@@ -260,18 +261,19 @@ def fitted(
         if not exact:
             hoped = cost_of(model, base)
             (base, defect), exact = model.fine(few), True
-            if known is not None:  # the steps must gain what the costly response gains
-                before, real = cost_of(*known[:2]), cost_of(model, base)
-                if abs(real - hoped) > max(UNREAL * (before - hoped), FRESH * ENOUGH):
-                    if real > before:
-                        model, base, defect = known
-                    finer = model.reach.finer
-                    if finer is not model.reach:
-                        model, ended = replace(model, reach=finer), fresh == 0
-                        defect = base - model.rough.baseline(few)
-                    elif real > before:
-                        break
-            known = model, base, defect
+            # the steps must gain what the costly response gains
+            before, real = cost_of(*known[:2]), cost_of(model, base)
+            if abs(real - hoped) > max(UNREAL * (before - hoped), FRESH * ENOUGH):
+                if real > before:
+                    model, base, defect, exact = known
+                finer = model.reach.finer if fresh > 0 else model.reach
+                if finer is not model.reach:
+                    model, ended = replace(model, reach=finer), False
+                    base, exact = base if exact else model.baseline(few), True
+                    defect = base - model.rough.baseline(few)
+                elif real > before:
+                    break
+            known = model, base, defect, exact
         if ended:
             corrected = True
             continue

@@ -147,7 +147,8 @@ class Cheap(Curve):
 @pytest.mark.parametrize("fresh", [0, 3])
 def test_steps_on_a_cheaper_response_end_at_the_optimum_of_the_costly_one(fresh):
     record = columns(np.random.default_rng(1), 12, curvature=0.05)
-    own, cheap = (fit(kind(two(), 0.05), record, fresh=fresh, steps=60) for kind in (Curve, Costly))
+    how = {"fresh": fresh, "steps": 60, "enough": LEAST_STEP}
+    own, cheap = (fit(kind(two(), 0.05), record, **how) for kind in (Curve, Costly))
     off = values(cheap) - values(own)
     assert off @ precision(own, record) @ off < 0.1
     base = cheap.model.baseline(record)
@@ -192,6 +193,15 @@ def test_a_cheaper_response_that_changes_otherwise_is_replaced_by_a_finer_one(b)
     left = fit(Misled(two(b=b), better=-1), record, steps=60)
     before = replace(record, output=record.output - Curve(two(b=b)).baseline(record))
     assert np.nansum(left.residual**2) <= np.nansum(before.output**2)
+
+
+def test_steps_from_another_fit_that_make_the_costly_response_worse_are_taken_back():
+    """Regression: rivals ended up to 170 nats below the fit that they started from."""
+    record = columns(np.random.default_rng(1), 12, truth=(2.0, 1.0))
+    start = fit(Misled(two(), better=-1), record, steps=0)
+    found = fit(start.model.reach, record, start=start, fresh=0, steps=60)
+    assert values(found)[0] == values(start)[0]
+    np.testing.assert_allclose(found.residual, start.residual, atol=1e-6)
 
 
 def test_a_linear_response_settles_where_it_is_fitted():
