@@ -580,9 +580,13 @@ class _Search:
         if near in (None, one):
             return self._fitted(one, one, FRESH, enough=enough(one))
         more = self._fitted(one, near, enough=enough(one))
-        # New columns about the response of `near` are computed only if the fit is better with it.
-        better = more is not None and self.score(more) > self.score(one)
-        return self._fitted(more, more, 1, enough=enough(more)) if more is not None and better else more
+        if more is None:
+            return None
+        # New columns about the response of `near` are computed only if the fit is better with it, and could
+        # reach the likeliest by as much again.
+        gained = self.score(more) - self.score(one)
+        able = gained > 0.0 and self.score(more) + gained > max(map(self.score, self.pool))
+        return self._fitted(more, more, 1, enough=enough(more)) if able else more
 
     def shifted(self, lead: Explanation) -> Explanation:
         """Move the dates and hours of the last effect of `lead` as long as that is likelier."""

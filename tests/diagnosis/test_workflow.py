@@ -590,11 +590,13 @@ def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_fron
     def behind(one):
         return float((lead.density - one.density)[OPEN].sum()) / FRESH
 
-    better = explained("outflow_lag", 60.0, 0.5)
+    better = explained("outflow_lag", 75.0, 0.5)
     assert behind(better) > ENOUGH
     assert refitted(None) == [(rival, FRESH, behind(rival))]
     # from the response of the lead: without new columns first, with them as far as it is still behind then
     assert refitted(lead) == [(lead, 0, behind(rival)), (better, 1, behind(better))]
+    better = explained("outflow_lag", 65.0, 0.5)  # behind even if it gains as much again
+    assert len(refitted(lead)) == 1
     better = explained("outflow_lag", 100.0, 0.5)
     assert refitted(lead)[1] == (better, 1, ENOUGH)
     better = explained("outflow_lag", 40.0, 0.5)
