@@ -61,7 +61,7 @@ PRICE = 12.0  # price of an event [nats]
 MOST = 40  # maximum number of new events of a day: as each has a price, this only limits the memory
 CHOOSING = 12
 """Maximum number for the choice of durations: a misfit that lasts is coded by as many as are allowed, and the
-time increases with their square. In a season with one, three searches found the same with 12, 16, 24 and 40."""
+time increases with their square. In a season with one, three searches found the same with 12 as with 40."""
 PULSES = (112.5, 225.0, 450.0, 900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
 """Durations of a pulse [s]; durations below :data:`SHORTEST` are replaced by it."""
 SHORTEST = 2.0  # shortest pulse [samples]: of a shorter one only the volume is identifiable, not the duration
