@@ -234,6 +234,7 @@ def fitted(
         for turn in range(TRIES if stale else FRESH_TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
             promised = float(g @ move - 0.5 * move @ G @ move)  # predicted gain
+            # after the costly response was computed a step has to be worth another computation
             if promised < (enough if corrected else LEAST_STEP if turn < TRIES else ENOUGH):
                 break
             try:

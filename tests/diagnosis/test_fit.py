@@ -147,8 +147,7 @@ class Cheap(Curve):
 @pytest.mark.parametrize("fresh", [0, 3])
 def test_steps_on_a_cheaper_response_end_at_the_optimum_of_the_costly_one(fresh):
     record = columns(np.random.default_rng(1), 12, curvature=0.05)
-    how = {"fresh": fresh, "steps": 60, "enough": LEAST_STEP}
-    own, cheap = (fit(kind(two(), 0.05), record, **how) for kind in (Curve, Costly))
+    own, cheap = (fit(kind(two(), 0.05), record, fresh=fresh, steps=60) for kind in (Curve, Costly))
     off = values(cheap) - values(own)
     assert off @ precision(own, record) @ off < 0.1
     base = cheap.model.baseline(record)
