@@ -1,4 +1,4 @@
-"""Test that imports go downwards only, also inside folders, and that the mathematics reads no files."""
+"""Test that imports go downwards only, also inside folders, and what the mathematics imports and compiles."""
 
 import ast
 import subprocess
@@ -133,3 +133,21 @@ def test_help_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "loaded []", done.stdout + done.stderr
+
+
+def test_compiled_loops_with_free_rounding_have_one_version():
+    # The process that compiles a caller uses the callee's own version, later ones that in the caller. Both
+    # are equal to the last bit unless the compiler may reorder operations.
+    free, inlined, calls = set(), set(), {}
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            how = [ast.unparse(d) for d in getattr(node, "decorator_list", ()) if "njit" in ast.unparse(d)]
+            if how:
+                free |= {node.name} if "fastmath" in how[0] else set()
+                inlined |= {node.name} if "forceinline=True" in how[0] else set()
+                called = {ast.unparse(c.func) for c in ast.walk(node) if isinstance(c, ast.Call)}
+                calls[node.name] = calls.get(node.name, set()) | called
+    assert free and len(calls) > 50
+    for _ in calls:
+        free |= {name for name, called in calls.items() if called & free & inlined}
+    assert not [(name, free & called - inlined) for name, called in calls.items() if free & called - inlined]

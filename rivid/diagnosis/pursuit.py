@@ -63,12 +63,10 @@ def receding(W: Floats, samples: float, rise: int) -> Floats:
     return out
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
+@njit(cache=True, error_model="numpy")
 def _product(W: Floats, before: int, i: int, j: int) -> float:
-    total = 0.0
-    for t in range(max(max(i, j) - before, 0), W.shape[1]):  # zero before its start
-        total += W[i, t] * W[j, t]
-    return total
+    first = max(max(i, j) - before, 0)  # zero before its start
+    return float(np.dot(W[i, first:], W[j, first:]))
 
 
 @njit(cache=True, error_model="numpy")
@@ -234,7 +232,7 @@ def _variances(rows: Rows, K: int) -> Floats:
     return out
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
+@njit(cache=True, error_model="numpy")
 def _rest(rows: Rows, K: int, c: Floats, x: Floats) -> None:
     """Write the products (S,) of all steps with the row minus its events."""
     x[:] = c

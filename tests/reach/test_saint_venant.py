@@ -1,5 +1,9 @@
 """Test Saint-Venant against independent solutions: rest, mass, profiles, waves, dam break, box scheme."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -35,6 +39,20 @@ def gate_volume(time, commands, gate_time, start):
             total.append(total[-1] + 0.5 * (position + reached) * length)
             position = reached
     return np.array(total)
+
+
+@pytest.mark.long  # compiles the loops: 20 s
+def test_the_process_that_compiles_computes_the_same_bits_as_later_ones(tmp_path):
+    code = """if True:
+        import numpy as np
+        from rivid.reach.saint_venant import simulate
+        from tests.reach.test_saint_venant import uneven
+        flows = 300.0 + np.random.default_rng(0).integers(-40, 41, (2, 650))
+        print(simulate(uneven(), 133.0 * np.arange(650), *flows, 5.0).level.tobytes().hex())
+    """
+    call = {"check": True, "capture_output": True, "env": {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}}
+    first, second = (subprocess.run([sys.executable, "-c", code], **call).stdout for _ in range(2))
+    assert first == second and len(first) > 650
 
 
 def test_a_lake_at_rest_stays_at_rest_over_any_bed_and_width():
