@@ -110,14 +110,6 @@ class Event:
     under_way: bool  # whether it began before the row's first sample: its start is uncertain
 
 
-class Form(NamedTuple):
-    """Properties that all events of a search share [samples]."""
-
-    durations: tuple[float, ...]  # possible durations, or one recession
-    rise: int = 0  # of a recession
-    ends: bool = False  # whether each pulse may have its own end time
-
-
 @dataclass(frozen=True, eq=False)
 class Events:
     """The events of one kind."""
@@ -127,7 +119,15 @@ class Events:
     coded: Floats  # (days, n): their contribution to the residual
     gain: float  # log-likelihood gained on all days minus prices [nats]
     price: float  # of each event [nats]
-    form: Form
+    rise_s: float = 0.0  # of a recession [s]
+
+
+class Form(NamedTuple):
+    """Properties that all events of a search share [samples]."""
+
+    durations: tuple[float, ...]  # possible durations, or one recession
+    rise: int = 0  # of a recession
+    ends: bool = False  # whether each pulse may have its own end time
 
 
 @dataclass(eq=False)
@@ -275,7 +275,7 @@ class Rows:
             )
             for d, x, D, size, variance in sorted(found.events)
         )  # fmt: skip
-        return Events(kind, events, coded, found.gain, self.price, form)
+        return Events(kind, events, coded, found.gain, self.price, form.rise * T)
 
     def _before(self, samples: float) -> int:
         """Return the number of starts before a row for events that last `samples`."""
@@ -340,7 +340,6 @@ def find_events(
     lead: int = 0,  # samples of a row before its day; rows are `n - lead` samples apart
     follows: ArrayLike | None = None,  # (days,): whether a row is the day after the one above it; none is
     refine: bool = True,
-    form: Form | None = None,  # of the events; None to find the one of largest gain
 ) -> Events:
     """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
 
@@ -350,8 +349,7 @@ def find_events(
     """
     rows = Rows(residual, whiten, kind, sample_time, lead, follows)
     refine = refine and kind.shape != "jump"
-    form = form or _form(rows, refine)
-    (found,) = rows.search([form], range(len(rows.white)), timed=2 if refine else 0)
+    (found,) = rows.search([_form(rows, refine)], range(len(rows.white)), timed=2 if refine else 0)
     return rows.as_events(found)
 
 
@@ -489,8 +487,8 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     made = effect.from_events(
         starts, np.minimum(np.abs(sizes), most).tolist(), lasts[0] if np.ptp(lasts) == 0.0 else lasts
     )
-    if events.form.rise and "rise" in effect.parameters():
-        made = made.with_values(rise=events.form.rise * record.sample_time / HOUR)
+    if events.rise_s > 0.0 and "rise" in effect.parameters():
+        made = made.with_values(rise=events.rise_s / HOUR)
     return made
 
 

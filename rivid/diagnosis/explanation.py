@@ -508,8 +508,7 @@ def without_mirrored(
 ) -> Explanation:
     """Reduce the score of an explanation by the gain of events of the opposite sign in its residual."""
     # Heavy-tailed noise has events as well, but of both signs, while rain takes no water away. Events of the
-    # impossible sign and the same form gain what noise gives to the explanation's own events, which pay it in
-    # equal parts.
+    # impossible sign gain what noise gives to the explanation's own events, which pay it in equal parts.
     seen, density = np.where(record.used, one.residual, np.nan), one.density
     follows = np.append(False, np.diff(record.day_number) == 1)
     for events in one.events:
@@ -517,7 +516,7 @@ def without_mirrored(
             continue
         found = find_events(
             seen, one.noise.whiten, replace(events.kind, sign=-events.kind.sign), record.sample_time,
-            lead=record.lead, follows=follows, form=events.form,
+            lead=record.lead, follows=follows,
         )  # fmt: skip
         more = replace(one, residual=one.residual - found.coded, events=(*one.events, found))
         more = scored(more, record, blocks, tails)

@@ -239,7 +239,7 @@ def test_recession_and_rise_of_rain_are_refined(rise, recession, seeds):
         )  # fmt: skip
         found = find_events(z, NOISE.whiten, RAIN, T)
         assert len(found.events) == 12
-        assert found.form.rise * T == pytest.approx(3600.0 * rise, abs=T)
+        assert found.rise_s == pytest.approx(3600.0 * rise, abs=T)
         assert lasting(found) == pytest.approx(3600.0 * recession, rel=0.1)
         assert np.mean([e.size for e in found.events]) == pytest.approx(60.0, rel=0.05)
         assert (
