@@ -72,8 +72,8 @@ FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
 """Freedoms of the compiler in the loops along the cells: NaN and infinity stay what they are.
 
 These loops are inlined by force. Otherwise the process that compiles :func:`advance` calls another version of
-them, rounded differently, than those that load it compiled; in a diagnosis of 30 days a name had 0.93 in one
-and 0.02 in the other.
+them, rounded differently, than those that load it compiled, which can change the names of a diagnosis.
+:func:`in_cell` has no freedom, as :func:`settle`, which is also called from outside, needs it.
 """
 
 
