@@ -336,13 +336,15 @@ NEAR = 2.0  # farthest move of a start in a pass [samples]
 @njit(cache=True, error_model="numpy")
 def _timed(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
-    gain: float,
+    gain: float, moves: Bools,
 ) -> float:  # fmt: skip
-    """Move the starts, or the ends too, between samples until they converge; return the new likelihood."""
+    """Move the starts, or ends too, of the events in `moves` (K,) until they converge; return the gain."""
     x = np.empty(len(c))
     for _ in range(ROUNDS):
         far = 0.0
         for k in range(old, K):
+            if not moves[k]:
+                continue
             for end in range(2 if ends and np.isfinite(rows.D[k]) else 1):
                 at, D = rows.at[k], rows.D[k]
                 _rest(rows, K, c, x)
@@ -394,21 +396,22 @@ def _dropped(
     steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     price: float, gain: float,
 ) -> tuple[int, float]:  # fmt: skip
-    """Remove events if this costs less than a price after moving the others; return number left and gain."""
+    """Remove events if this costs less than a price after moving those near; return number left and gain."""
     # The first pulse found of two that overlap lies between them, and a third one corrects it.
     k = old
     while k < K:
         at, D = rows.at[:K].copy(), rows.D[:K].copy()
-        alone = True
+        near = np.zeros(K, np.bool_)
         for m in range(old, K):
             last = D[m] if np.isfinite(D[m]) else AROUND
-            alone = alone and (m == k or at[m] > at[k] + D[k] + AROUND or at[m] + last + AROUND < at[k])
-        if not alone:
+            near[m] = m != k and at[m] <= at[k] + D[k] + AROUND and at[m] + last + AROUND >= at[k]
+        if near.any():
             if k < K - 1:
                 _put(rows, k, at[K - 1], D[K - 1], steps)
+            near[k] = near[K - 1]
             now = _fit(rows, K - 1, c)
             if not _wrong(rows, old, K - 1, sign):
-                now = _timed(steps, rows, K - 1, old, c, sign, low, ends, now)
+                now = _timed(steps, rows, K - 1, old, c, sign, low, ends, now, near)
             if now > gain - price:
                 K, gain = K - 1, now
                 continue
@@ -491,7 +494,7 @@ def pursue(
         else:
             K, gain = K + 1, now
     for turn in range(timed):
-        gain = _timed(steps, rows, K, old, c, sign, float(low.min()), ends, gain)
+        gain = _timed(steps, rows, K, old, c, sign, float(low.min()), ends, gain, np.ones(K, np.bool_))
         if turn == 0 and ends:
             K, gain = _merged(steps, rows, K, old, c, sign, price, gain)
         if turn == 1:
