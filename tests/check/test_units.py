@@ -62,7 +62,9 @@ def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
     the_one(wrong, configured(config, "reach", discharge_range=(100, 5000)), "unit.flows", unit="cfs")
 
 
-@pytest.mark.parametrize(("first", "area"), [(17, True), (11, True), (6, True), (11, False)])
+@pytest.mark.parametrize(
+    ("first", "area"), [(17, True), pytest.param(11, True, marks=pytest.mark.long), (6, True), (11, False)]
+)
 def test_both_flows_in_another_unit_from_a_date_on_are_found_by_the_level(first, area):
     days, config = three_weeks()
     some = slice(first, None)

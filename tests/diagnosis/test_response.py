@@ -24,6 +24,7 @@ from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
 from rivid.reach.saint_venant import Channel, arrival_time, backwater_lift, simulate
+from tests import examples
 from tests.diagnosis.responses import DEPTH, few, nominal, one_row, river_record, season
 
 rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
@@ -69,7 +70,7 @@ def test_a_wave_passes_a_cell_in_a_twelfth_of_a_sample_within_limits(length):
     np.testing.assert_array_equal(vector_of(rough), vector_of(response))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(examples(4, 2)))
 def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
     """Regression: the steps of the solver depended on the parameters, and some days had too large slopes."""
     record = season(seed, days=4)

@@ -99,6 +99,7 @@ def test_of_two_gains_that_look_alike_the_true_one_is_in_the_answer():
     assert (effect.breaker is not None) == (result.verdict == "cannot_tell")
 
 
+@pytest.mark.long
 def test_an_unknown_gauge_that_errs_as_by_wind_is_wind_where_that_may_be_named():
     record = season(CATALOGUE["wind_setup"](deviation=0.03, correlation_time=2.0))
     result, _ = answer(record, "wind_setup", "diurnal_inflow")
@@ -146,7 +147,10 @@ LOCK = CATALOGUE["unlogged_downstream_release"](size=60.0, per_day=2.0, duration
 KNOCKED = CATALOGUE["sensor_step"](step=(0.2, -0.2, 0.1), start=(105.0, 230.0, 371.0))
 
 
-@pytest.mark.parametrize("hidden, left", [(LOCK, "pulses of about"), (KNOCKED, "jumps of the reading")])
+@pytest.mark.parametrize(
+    "hidden, left",
+    [pytest.param(LOCK, "pulses of about", marks=pytest.mark.long), (KNOCKED, "jumps of the reading")],
+)
 def test_events_that_no_effect_of_the_library_makes_are_unknown(hidden, left):
     result, _ = answer(season(hidden), "lateral_inflow", "storage_area_slope", "leakage")
     assert result.verdict == "unknown" and not result.effects, result.reason
@@ -170,8 +174,16 @@ def test_a_clock_of_two_days_is_named_where_its_dates_are_known():
     (effect,) = answer(record, "clock_offset", "sensor_step", dated=(rough,))[0].effects
     assert effect.name == "clock_offset" and effect.where.dates == hidden.dates
     assert number(effect, "offset").value == pytest.approx(-3600.0, abs=60.0)
+
+
+@pytest.mark.long
+def test_a_clock_of_two_days_is_not_named_without_its_dates_or_where_it_is_excluded():
+    first = season().dates[15]
+    hidden = CATALOGUE["clock_offset"](offset=-3600.0, dates=(first, first + dt.timedelta(days=1)))
+    record = season(hidden)
     assert not answer(record, "clock_offset", "sensor_step")[0].effects
-    result, _ = answer(record, "outflow_lag", "sensor_step", dated=(rough,))  # it is not in the library
+    dated = (hidden.with_values(offset=-3300.0),)
+    result, _ = answer(record, "outflow_lag", "sensor_step", dated=dated)  # it is not in the library
     assert "clock_offset" not in {name for row in result.ranking for name in row.names}
 
 
@@ -680,6 +692,7 @@ def test_a_twin_is_tried_as_the_other_is_with_its_dates_and_number_of_sizes_besi
     assert _as_twin(one, one, twin, one) is None
 
 
+@pytest.mark.long
 def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
     start, end = (pools.season(5, DAYS, T_s=T_S).dates[i] for i in (5, 15))
     hidden = CATALOGUE["unlogged_upstream_release"](size=40.0, dates=(start, end), hours=(6.0, 12.0))

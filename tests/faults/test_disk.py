@@ -56,7 +56,7 @@ def one_line(done, *words):
     return done.stderr
 
 
-@pytest.mark.parametrize("size", [0, 9_000, 40_000])
+@pytest.mark.parametrize("size", [pytest.param(0, marks=pytest.mark.long), 9_000, 40_000])
 def test_a_file_size_limit_anywhere(season, tmp_path, tried, size, rendered):
     data, whole = season
     out = tmp_path / "out"
@@ -68,6 +68,7 @@ def test_a_file_size_limit_anywhere(season, tmp_path, tried, size, rendered):
     tried(f"RLIMIT_FSIZE = {size:,} bytes; then again without it")
 
 
+@pytest.mark.long
 def test_a_limit_met_by_the_workers(season, tmp_path, tried):
     data, whole = season
     out = tmp_path / "out"

@@ -127,6 +127,7 @@ def test_an_internal_error_in_one_reach_is_in_its_outcome(data, tmp_path, monkey
     assert "of all things" in kept(tmp_path / "out")[1].error
 
 
+@pytest.mark.long
 def test_the_day_that_kills_its_worker_is_alone_and_failed(data, tmp_path):
     (tmp_path / "site").mkdir()
     deadly = DEADLY.replace("str(sources[-1].date)", "root.name + str(sources[-1].date)")

@@ -95,7 +95,12 @@ def test_the_given_day_is_shown_and_an_unknown_one_or_one_without_a_response_is_
 
 @pytest.mark.parametrize(
     "made",
-    [lambda: without_outflow(still(year(days=3, missing=0), 0, 1, 2)), lambda: year(days=1, missing=0)],
+    [
+        pytest.param(
+            lambda: without_outflow(still(year(days=3, missing=0), 0, 1, 2)), marks=pytest.mark.long
+        ),
+        lambda: year(days=1, missing=0),
+    ],
     ids=["without outflow or answers", "one day"],
 )
 def test_other_years_are_drawn_as_well(made):

@@ -124,12 +124,8 @@ def words_of(process):
         return []
 
 
-LONG = pytest.mark.long
-
-
-@pytest.mark.parametrize(
-    "victim", [pytest.param("worker", marks=LONG), "parent", pytest.param("interrupt", marks=LONG)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("victim", ["worker", "parent", "interrupt"])
 def test_a_kill_at_the_start_loses_nothing(victim, season, tmp_path):
     data, whole = season
     words = ["run", data, "--out", tmp_path, "--engine", "dask", "--workers", 2, "--no-figures"]

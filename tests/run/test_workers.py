@@ -70,6 +70,7 @@ def test_one_worker_draws_in_the_process_itself_and_two_draw_the_same_bytes(tmp_
     assert (tmp_path / "1" / "report.html").read_bytes().count(b"data:image/png") == 9
 
 
+@pytest.mark.long
 def test_a_command_whose_workers_draw_does_not_load_matplotlib(tmp_path):
     write_days(tmp_path / "data", 2)
     words = ["run", str(tmp_path / "data"), "--out", str(tmp_path / "out"), "--workers", "2", "-q"]

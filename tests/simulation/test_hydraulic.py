@@ -31,6 +31,7 @@ def year():
     return simulate(PLAIN)
 
 
+@pytest.mark.long
 def test_the_hydraulic_season_has_the_character_and_the_programme_of_the_papers(year):
     linear = simulate(load_scenario(SCENARIOS / "basse_isere.toml"))
     np.testing.assert_array_equal(linear.inflow, year.inflow)
@@ -43,6 +44,7 @@ def test_the_hydraulic_season_has_the_character_and_the_programme_of_the_papers(
     assert set(seen.delays) == {6, 7, 8}
 
 
+@pytest.mark.long
 def test_the_arrival_of_a_wave_agrees_with_a_simulated_step(year):
     water = Water(PLAIN)
     for i in range(0, 332, 110):
