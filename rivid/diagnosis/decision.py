@@ -437,9 +437,9 @@ class Study:
     def stand_ins(self, one: Explanation) -> tuple[Effect, ...]:
         """Return the material effects of an explanation that stand for a delay of an unknown cause.
 
-        They are degenerate, or their dates share a boundary inside the season with those of another delay or
-        of an unknown flow: it is less probable that two causes change on the same day by chance than that
-        one cause has another form.
+        They are degenerate, or leave a material share of the error on their dates, or these share a boundary
+        inside the season with those of another delay or of an unknown flow: it is less probable that two
+        causes change on the same day by chance than that one cause has another form.
         """
         names, unknown = self._given(one)
         opened = [self.record.dates[k] for k in np.flatnonzero(self.opened)]
@@ -454,7 +454,30 @@ class Study:
             (a, b) for a, b in combinations(inside, 2)
             if a.name != b.name and any(abs(i - j) <= 1 for i in inside[a] for j in inside[b])
         ]  # fmt: skip
-        return tuple(e for e in late if e.degenerate or any(e in pair for pair in pairs))
+        return tuple(
+            e for e in late if e.degenerate or any(e in pair for pair in pairs) or self._leaves(one, e)
+        )
+
+    def _leaves(self, one: Explanation, effect: Effect) -> bool:
+        """Return whether an effect leaves a material share of the excess error on its dates."""
+        # By Welch's test over blocks, on mean squares of innovations: they are 1 if nothing is missing.
+        from scipy.stats import ttest_ind
+
+        active = one.active(self.record, effect)
+        inside, outside = self.opened & active, self.opened & ~active
+        if min(np.unique(self.split.block[days]).size for days in (inside, outside)) < 2:
+            return False
+
+        def squares(other: Explanation, days: Bools) -> Floats:
+            seen = np.where(self.record.used, other.predicted, np.nan)
+            white = one.noise.whiten(seen, activity=self.record.activity) ** 2
+            sums, counts = (block_sums(x.sum(axis=1), days, self.split.block) for x in (white, white > 0.0))
+            return np.asarray(sums / np.maximum(counts, 1))
+
+        now, before = squares(one, inside), squares(self._less(one, effect), inside)
+        left = (now - MATERIAL * before) / (1.0 - MATERIAL)
+        test = ttest_ind(left, squares(one, outside), equal_var=False, alternative="greater")
+        return bool(test.pvalue < DOUBT)
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:
         """Return the best explanation without an effect of `one`, with all or some of its other effects."""

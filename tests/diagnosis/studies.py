@@ -48,6 +48,7 @@ class Made:
     others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
+    predicted: Any = None
     bonus: Any = None
     way: Any = None
 

@@ -765,6 +765,26 @@ def test_a_delay_that_changes_with_an_unknown_flow_is_part_of_it(name, first, la
     assert study.core(one) == ((name,), "")
 
 
+@pytest.mark.parametrize(("left", "named"), [(0.0, True), (0.05, True), (0.4, False)])
+def test_a_delay_that_leaves_a_material_share_of_the_error_on_its_dates_is_unknown(left, named):
+    """Regression: an outflow lag of 8 min, excluded, was "stilling well" of 2 min with its dates."""
+    noise = NoiseModel(0.002, 1e-4, 3.0, 9000.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
+    lag = dated("outflow_lag", FIRST, END)
+    on = np.array([lag.dates[0] <= day <= lag.dates[1] for day in RECORD.dates])
+    drawn = noise.simulate(RECORD.days, RECORD.time.shape[1], np.random.default_rng(2))
+    drawn = np.where(np.isfinite(RECORD.output), drawn, np.nan)
+
+    def predicted(excess):
+        return drawn * np.where(on, np.sqrt(1.0 + excess), 1.0)[:, None]
+
+    nothing = explained(noise=noise, predicted=predicted(4.0))
+    one = explained(
+        "outflow_lag", 9.0, MUCH, parent=nothing, noise=noise, predicted=predicted(4.0 * left),
+        model=model_with(lag), active=lambda *_: on,
+    )  # fmt: skip
+    assert study_of(nothing, one).core(one) == ((("outflow_lag",), "") if named else ((), "flow"))
+
+
 def test_an_unknown_delay_is_described_by_the_effects_that_it_resembles_and_their_times():
     assert _described(CATALOGUE["clock_offset"](offset=-268.0)) == "clock offset (4.5 min)"
     assert _described(CATALOGUE["gate_deadband"]()) == "gate deadband"
