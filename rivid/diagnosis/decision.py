@@ -313,6 +313,7 @@ class Study:
     start: tuple[Effect, ...] = ()  # effects known from the start
     extended: Container[tuple[str, ...]] = ()  # sorted names beside which further effects were tried
     found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`_given`
+    late: dict[Explanation, tuple[Effect, ...]] = field(default_factory=dict)  # of :meth:`stand_ins`
 
     @cached_property
     def first(self) -> Explanation:
@@ -400,7 +401,9 @@ class Study:
     def core(self, one: Explanation) -> Core:
         """Return the names that are material given those before them, and the unknown cause if material."""
         names, unknown = self._given(one)
-        late = Counter(effect.name for effect in self.stand_ins(one))
+        if one not in self.late:
+            self.late[one] = self.stand_ins(one)
+        late = Counter(effect.name for effect in self.late[one])
         return (tuple((Counter(names) - late).elements()), unknown or "flow") if late else (names, unknown)
 
     def _given(self, one: Explanation) -> Core:
@@ -468,15 +471,18 @@ class Study:
         if min(np.unique(self.split.block[days]).size for days in (inside, outside)) < 2:
             return False
 
-        def squares(other: Explanation, days: Bools) -> Floats:
-            seen = np.where(self.record.used, other.predicted, np.nan)
-            white = one.noise.whiten(seen, activity=self.record.activity) ** 2
+        def means(white: Floats, days: Bools) -> Floats:
             sums, counts = (block_sums(x.sum(axis=1), days, self.split.block) for x in (white, white > 0.0))
             return np.asarray(sums / np.maximum(counts, 1))
 
-        now, before = squares(one, inside), squares(self._less(one, effect), inside)
-        left = (now - MATERIAL * before) / (1.0 - MATERIAL)
-        test = ttest_ind(left, squares(one, outside), equal_var=False, alternative="greater")
+        now, before = (
+            one.noise.whiten(
+                np.where(self.record.used, other.predicted, np.nan), activity=self.record.activity
+            ) ** 2
+            for other in (one, self._less(one, effect))
+        )  # fmt: skip
+        left = (means(now, inside) - MATERIAL * means(before, inside)) / (1.0 - MATERIAL)
+        test = ttest_ind(left, means(now, outside), equal_var=False, alternative="greater")
         return bool(test.pvalue < DOUBT)
 
     def _less(self, one: Explanation, effect: Effect) -> Explanation:
