@@ -57,7 +57,7 @@ def test_long_sound_seasons_give_few_findings(tried):
         pytest.param("basse_isere", "configs/basse_isere.toml", marks=pytest.mark.long),
         ("basse_isere_csv", None),
         pytest.param("glen_canyon", "configs/glen_canyon.toml", marks=pytest.mark.long),
-        ("glen_canyon", "configs/glen_canyon_rm30.toml"),
+        pytest.param("glen_canyon", "configs/glen_canyon_rm30.toml", marks=pytest.mark.long),
     ],
 )
 def test_the_sample_data_give_no_finding(tried, logs, config):

@@ -67,7 +67,7 @@ def test_the_scale_of_the_tails_is_that_of_a_normal_bulk():
 @pytest.mark.parametrize(
     ("n", "scatter_memory", "wrong"),
     [
-        (330, 0.0, 0.0),
+        pytest.param(330, 0.0, 0.0, marks=pytest.mark.long),
         pytest.param(330, 3.0, 0.0, marks=pytest.mark.long),
         (330, 3.0, 0.05),
         pytest.param(100, 3.0, 0.0, marks=pytest.mark.long),
@@ -90,6 +90,7 @@ def test_a_known_law_is_found_and_its_intervals_hold_it(n, scatter_memory, wrong
         assert 0.9 - 0.03 - 3.0 * error < np.mean(held) < 0.9 + 0.03 + 3.0 * error, (name, np.mean(held))
 
 
+@pytest.mark.long
 def test_the_correlation_time_is_that_of_an_autoregression_and_blocks_grow_with_it():
     short, middle, long = (
         np.mean([delay_law(*river([s, 5], scatter_memory=m, own=(0.005, 0.01))).blocks for s in range(n)])
@@ -134,7 +135,7 @@ def test_an_interval_is_honest_where_the_delays_do_not_leave_their_sample():
 
 @pytest.mark.parametrize(
     "gate",
-    [0.05, 0.3, pytest.param(1.0, marks=pytest.mark.long)],
+    [0.05, *(pytest.param(gate, marks=pytest.mark.long) for gate in (0.3, 1.0))],
     ids=["steps", "some fractions", "all fractions"],
 )
 def test_the_interval_of_b_holds_it_whatever_a_delay_shows_of_its_fraction(gate):
@@ -181,6 +182,7 @@ def test_the_table_holds_all_days_and_follows_the_law():
         np.testing.assert_allclose(got, want, rtol=2e-3)  # a median of logarithms is compared with the median
 
 
+@pytest.mark.long
 def test_the_band_of_a_day_holds_the_delays_of_days():
     held = []
     for seed in range(examples(20, 10)):

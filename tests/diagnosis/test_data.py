@@ -268,7 +268,7 @@ def test_a_jump_is_left_to_the_search_unless_it_is_on_a_sealed_day():
     assert gone == [0, 3, 15]
 
 
-@pytest.mark.parametrize("seconds", [3600, -3600])
+@pytest.mark.parametrize("seconds", [3600, pytest.param(-3600, marks=pytest.mark.long)])
 def test_the_dates_of_a_shifted_inflow_are_known(seconds):
     days, config = sound(30)
     gone, known = left_out(late(days, seconds, "inflow", among=slice(15, 18)), config)

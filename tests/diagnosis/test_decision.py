@@ -420,7 +420,7 @@ def test_an_unknown_counts_where_the_error_is_larger_than_that_of_the_noise():
 
 def test_errors_of_the_noise_are_an_excess_as_often_as_said_and_larger_ones_on_their_days_alone():
     noise = NoiseModel(0.002, 1e-4, 3.0, 9000.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
-    seasons, found = examples(40), np.zeros(2, int)
+    seasons, found = examples(40, 8), np.zeros(2, int)
     for seed in range(seasons):
         drawn = noise.simulate(RECORD.days, RECORD.time.shape[1], np.random.default_rng([7, seed]))
         errors = day_errors(RECORD, drawn, noise, HORIZONS)

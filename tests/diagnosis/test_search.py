@@ -239,7 +239,8 @@ def test_the_best_run_of_hours_is_that_of_all_runs(sign):
     assert gains[2] == 0.0
 
 
-@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [11, 12])
 def test_hours_and_dates_of_a_release_are_those_of_all_refits(seed):
     columns = np.repeat(4.0 * np.random.default_rng(seed).standard_normal((8, *RECORD.time.shape)), 3, axis=0)
     base, _, X, r, w, at = base_of(seed, (3, 9, 1.0), trial=columns[:9].sum(axis=0))

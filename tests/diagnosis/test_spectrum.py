@@ -118,7 +118,7 @@ def test_a_rhythm_of_short_pulses_is_that_of_its_fundamental():
     assert found.period == pytest.approx(86_400.0, abs=found.resolution)
 
 
-@sizes("seasons", 30, 300)
+@sizes("seasons", 10, 300)
 def test_weather_has_a_rhythm_no_more_often_than_by_chance(seasons):
     false = sum(rhythm(*colored(seed), RECORD) is not None for seed in range(seasons))
     assert false <= 0.01 * seasons + 3.0 * np.sqrt(0.01 * seasons)

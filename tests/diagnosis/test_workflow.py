@@ -87,6 +87,7 @@ def test_a_daily_wave_is_named_with_its_size_and_hour_and_closes_the_gap():
     assert np.corrcoef(before, wave)[0, 1] > 0.8
 
 
+@pytest.mark.long
 def test_of_two_gains_that_look_alike_the_true_one_is_in_the_answer():
     record = season(CATALOGUE["outflow_gain_error"](error=0.04))
     result, _ = answer(record, "outflow_gain_error", "inflow_gain_error")
@@ -165,6 +166,7 @@ def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
     assert all(row.names[:1] == ("outflow_gain_error",) for row in result.ranking)
 
 
+@pytest.mark.long
 def test_a_clock_of_two_days_is_named_where_its_dates_are_known():
     """Two days are shorter than any window of the search, and an hour is longer than any of its trials."""
     first = season().dates[15]

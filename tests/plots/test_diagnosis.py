@@ -38,7 +38,9 @@ CASES = {
     ),
 }
 
-LONG_CASES = ("thirteen months", "three days", "a closed loop")
+LONG_CASES = (
+    "thirteen months", "three days", "no gap", "a closed loop", "a closed loop without a name",
+)  # fmt: skip
 """Cases of `make test-long`."""
 
 

@@ -21,7 +21,7 @@ from tests.plots.synthetic import cases, dates_of, draw_all, probable, results, 
 CASES = cases() | {"a year": results()}
 LONG = (
     "a week", "five years", "a river, one day", "a river, a year", "a river, all days failed",
-    "long names", "twelve days over new year",
+    "long names", "probabilities", "one day", "twelve days over new year",
 )  # fmt: skip
 """Cases of `make test-long`."""
 

@@ -82,7 +82,7 @@ def test_the_band_of_the_law_is_that_of_its_table(ax):
         assert (near.min(), near.max()) == pytest.approx(np.array(ends) / 133.0, rel=0.01)
 
 
-@pytest.mark.parametrize("n", [1, 120])
+@pytest.mark.parametrize("n", [1, pytest.param(120, marks=pytest.mark.long)])
 def test_both_files_are_readable_and_the_same_twice(n, tmp_path):
     days = days_of(n)
     law = law_of(days)

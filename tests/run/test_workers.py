@@ -59,6 +59,7 @@ def test_progress_counts_every_day(tmp_path):
     assert summary.computed == sum(seen) == 5
 
 
+@pytest.mark.long
 def test_one_worker_draws_in_the_process_itself_and_two_draw_the_same_bytes(tmp_path, monkeypatch, rendered):
     write_days(tmp_path / "data", 2)
     with monkeypatch.context() as patch:
