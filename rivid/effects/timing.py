@@ -73,7 +73,7 @@ class WaveAttenuation(_Timing):
     spread: float = quantity(600.0, "s", 0.0, 21_600.0, "standard deviation of the times of arrival")
 
     def changes(self, world: World) -> Changes:
-        return Changes(inflow=spread_flow(world.edges, world.inflow, self.spread, world.sample_time))
+        return Changes(inflow=spread_flow(world.edges, world.inflow, self.spread))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +198,7 @@ class IceCover(_Timing):
     def changes(self, world: World) -> Changes:
         edges = world.edges
         covered = self.cover(world.time, world) * world.inflow
-        flat = spread_flow(edges, covered, self.spread * self.late, world.sample_time)
+        flat = spread_flow(edges, covered, self.spread * self.late)
         inflow = world.inflow - covered + flat
         # A wave that has overtaken another one arrives with it.
         arrival = np.maximum.accumulate(edges + self.late * self.cover(edges, world), axis=-1)

@@ -78,49 +78,26 @@ def grid_of_rows(edges: Floats) -> Floats:
     return row if (np.abs(since - row) < SAME * row[-1]).all() else since
 
 
-def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: float) -> Floats:
+def spread_flow(edges: Floats, flow: Floats, deviation: float) -> Floats:
     """A held flow, each part of it earlier or later by a normal deviate, as means of the samples [m3/s].
 
     `edges` and `flow` are as of :func:`delayed_flow`; `deviation` is the standard deviation s of the deviates
-    [s], `sample_time` the length of the samples before and after the row [s]. With b_k the beginning of
-    sample k and G(x) = x Phi(x) + phi(x), the second integral of the normal density, the volume of sample k
-    takes of the flow of sample j = k - m
+    [s]. With b_k the beginning of sample k, d_j the change of the flow at b_j and G(x) = x Phi(x) + phi(x),
+    the second integral of the normal density, the cumulative volume above that of the first flow is
 
-        s (g[m+1, k+1] - g[m, k+1] - g[m, k] + g[m-1, k]),   g[m, i] = G((b_i - b_i-m) / s).
+        V(b_k) = s sum_j d_j G((b_k - b_j) / s).
     """
     if deviation == 0.0:
         return flow.copy()
-    from scipy.signal import fftconvolve
     from scipy.special import ndtr
 
-    def G(x: Floats) -> Floats:
-        return np.asarray(x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
-
     edges = grid_of_rows(edges)
-    steps = np.diff(edges, axis=-1)
-    n = flow.shape[-1]
-    more = int(np.ceil(KERNEL_WIDTH * deviation / steps.min())) + 2
+    if edges.ndim > 1:
+        return np.stack([spread_flow(own, row, deviation) for own, row in zip(edges, flow, strict=True)])
+    x = (edges - edges[:-1, None]) / deviation
+    G, near = np.maximum(x, 0.0), np.abs(x) < KERNEL_WIDTH
+    x = x[near]
+    G[near] = x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
     base = flow[..., :1]
-    rest = np.concatenate(
-        [np.zeros((*flow.shape[:-1], more)), flow - base, np.repeat(flow[..., -1:] - base, more, axis=-1)],
-        axis=-1,
-    )
-    if edges.ndim == 1 and np.ptp(steps) < 4.0 * SAME * edges[-1]:  # even samples have the same weights
-        apart = edges[-1] / n / deviation
-        weights = np.diff(G(apart * np.arange(-more - 1, more + 2)), 2) / apart
-        weights = weights.reshape(*(1,) * (flow.ndim - 1), -1)
-        return np.asarray(base + fftconvolve(rest, weights, mode="valid", axes=-1))
-    outside = sample_time * np.arange(1, more + 1)
-    b = np.concatenate([edges[..., :1] - outside[::-1], edges, edges[..., -1:] + outside], axis=-1)
-
-    def g(m: int) -> Floats:
-        return G((edges - b[..., more - m : more - m + n + 1]) / deviation)
-
-    volume = np.zeros(flow.shape)
-    less, now = g(-more), g(1 - more)
-    for m in range(1 - more, more):
-        following = g(m + 1)
-        share = following[..., 1:] - now[..., 1:] - now[..., :-1] + less[..., :-1]
-        volume += share * rest[..., more - m : more - m + n]
-        less, now = now, following
-    return np.asarray(base + deviation * volume / steps)
+    volume = np.diff(flow, axis=-1, prepend=base) @ G
+    return np.asarray(base + deviation * np.diff(volume, axis=-1) / np.diff(edges))

@@ -137,20 +137,8 @@ def test_rows_of_one_grid_are_delayed_and_spread_as_row_by_row(delay):
     means = np.bincount(sample, late) / np.bincount(sample)
     np.testing.assert_allclose(delayed_flow(edges, flow, delay)[2], means, atol=0.03)
     spread = abs(delay) % 997.0
-    together, each = spread_flow(edges, flow, spread, 133.0), spread_flow(apart, flow, spread, 133.0)
+    together, each = spread_flow(edges, flow, spread), spread_flow(apart, flow, spread)
     np.testing.assert_allclose(together, each, atol=0.02)
-
-
-@pytest.mark.parametrize("spread", [5.0, 133.0, 900.0, 20_000.0])
-def test_a_flow_of_even_samples_is_spread_as_one_of_hardly_uneven_samples(spread):
-    rng = np.random.default_rng(6)
-    edges = 133.0 * np.arange(151) + 86_400.0 * np.arange(4)[:, None]
-    uneven = edges + 1e-5 * (np.arange(151) == 70)
-    flow = 300.0 + rng.normal(size=(4, 150)).cumsum(axis=1)
-    even, other = spread_flow(edges, flow, spread, 133.0), spread_flow(uneven, flow, spread, 133.0)
-    np.testing.assert_allclose(even, other, atol=1e-5)
-    one = spread_flow(edges[0], flow[0], spread, 133.0)
-    np.testing.assert_allclose(even[0], one, atol=1e-9)
 
 
 def test_a_real_inflow_that_is_no_number_is_refused():
