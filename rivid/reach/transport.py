@@ -13,6 +13,8 @@ SAME = 1e-11
 """Times closer than this share of a row are one: seconds of a century are rounded to 1e-11 days."""
 KERNEL_WIDTH = 7.0
 """Half width of the kernel of :func:`spread_flow` in standard deviations; 1e-12 of the volume is beyond."""
+TOGETHER = 200
+"""Samples that :func:`spread_flow` computes together: fewer take more calls, more a larger matrix."""
 
 
 def held_volume(time: Floats, flow: Floats) -> Floats:
@@ -83,9 +85,11 @@ def spread_flow(edges: Floats, flow: Floats, deviation: float) -> Floats:
 
     `edges` and `flow` are as of :func:`delayed_flow`; `deviation` is the standard deviation s of the deviates
     [s]. With b_k the beginning of sample k, d_j the change of the flow at b_j and G(x) = x Phi(x) + phi(x),
-    the second integral of the normal density, the cumulative volume above that of the first flow is
+    the second integral of the normal density, the cumulative volume above that of an earlier flow is
 
-        V(b_k) = s sum_j d_j G((b_k - b_j) / s).
+        V(b_k) = s sum_j d_j G((b_k - b_j) / s),
+
+    summed over the changes since then. Those that :data:`KERNEL_WIDTH` excludes have passed, or not begun.
     """
     if deviation == 0.0:
         return flow.copy()
@@ -94,10 +98,14 @@ def spread_flow(edges: Floats, flow: Floats, deviation: float) -> Floats:
     edges = grid_of_rows(edges)
     if edges.ndim > 1:
         return np.stack([spread_flow(own, row, deviation) for own, row in zip(edges, flow, strict=True)])
-    x = (edges - edges[:-1, None]) / deviation
-    G, near = np.maximum(x, 0.0), np.abs(x) < KERNEL_WIDTH
-    x = x[near]
-    G[near] = x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
-    base = flow[..., :1]
-    volume = np.diff(flow, axis=-1, prepend=base) @ G
-    return np.asarray(base + deviation * np.diff(volume, axis=-1) / np.diff(edges))
+    out, jumps = np.empty(flow.shape), np.diff(flow, axis=-1, prepend=flow[..., :1])
+    for k in range(0, flow.shape[-1], TOGETHER):
+        own = edges[k : k + TOGETHER + 1]
+        near = own[[0, -1]] + KERNEL_WIDTH * deviation * np.array([-1.0, 1.0])
+        i, j = np.searchsorted(edges[:-1], near).tolist()
+        x = (own - edges[i:j, None]) / deviation
+        G = x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
+        volume = deviation * (jumps[..., i:j] @ G)
+        before = flow[..., max(i - 1, 0), None]
+        out[..., k : k + TOGETHER] = before + np.diff(volume, axis=-1) / np.diff(own)
+    return out

@@ -5,6 +5,7 @@ import pytest
 
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import RividError
+from rivid.reach import transport
 from rivid.reach.changes import AddedFlow, Changes, Gate
 from rivid.reach.integrator import LinearReach, pool_level, theoretical_fir
 from rivid.reach.transport import (
@@ -139,6 +140,16 @@ def test_rows_of_one_grid_are_delayed_and_spread_as_row_by_row(delay):
     spread = abs(delay) % 997.0
     together, each = spread_flow(edges, flow, spread), spread_flow(apart, flow, spread)
     np.testing.assert_allclose(together, each, atol=0.02)
+
+
+@pytest.mark.parametrize("spread", [20.0, 900.0, 20_000.0])
+def test_a_long_row_is_spread_in_parts(monkeypatch, spread):
+    rng = np.random.default_rng(6)
+    edges = np.cumsum(rng.uniform(60.0, 200.0, 1001))
+    flow = 300.0 + rng.normal(size=(2, 1000)).cumsum(axis=1)
+    parts = spread_flow(edges, flow, spread)
+    monkeypatch.setattr(transport, "TOGETHER", 1000)
+    np.testing.assert_allclose(parts, spread_flow(edges, flow, spread), atol=1e-9)
 
 
 def test_a_real_inflow_that_is_no_number_is_refused():
