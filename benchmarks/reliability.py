@@ -58,6 +58,7 @@ def run_tests(long: bool, jobs: str) -> int:
     words += [] if long else ["-m", "not long"]
     RECORD.unlink(missing_ok=True)
     environment = os.environ | {"RIVID_FAULTS": str(RECORD), "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {"RIVID_LONG": "1"} if long else {}  # all random examples
     return subprocess.run([*words, *tests], cwd=ROOT, env=environment).returncode
 
 

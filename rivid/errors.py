@@ -10,8 +10,9 @@ from typing import ClassVar
 
 
 def printable(text: str) -> str:
-    """The text with what UTF-8 cannot hold (file names of other encodings) as escapes."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    """The text with control characters, and what UTF-8 cannot hold (other encodings' file names), escaped."""
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def nearest(came: object, names: Iterable[str]) -> str:

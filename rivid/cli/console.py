@@ -28,7 +28,7 @@ def colour_wanted() -> bool | None:
 
 def print_error(text: str) -> None:
     """Print an error or a warning as one line on stderr."""
-    line = " ".join(printable(text).split("\n"))
+    line = printable(" ".join(text.split("\n")))
     click.echo(f"{click.style('rivid:', fg='red')} {line}", err=True, color=colour_wanted())
 
 

@@ -20,7 +20,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from rivid.config import Config
-from rivid.errors import ConfigError, DataError
+from rivid.errors import ConfigError, DataError, printable
 from rivid.input_config import UNITS, InputConfig
 from rivid.logs import suffix_of
 from rivid.types import ONE_DAY, Ints
@@ -327,10 +327,7 @@ def is_day_file(path: str) -> bool:
 
 def shown(name: str) -> str:
     """A file's name as it can be printed: bytes that are not UTF-8 and control characters are escaped."""
-    if name.isprintable():
-        return name
-    text = os.fsencode(name).decode("utf-8", "backslashreplace")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return printable(os.fsencode(name).decode("utf-8", "backslashreplace"))
 
 
 def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:

@@ -156,6 +156,7 @@ Names: `../x`, `CON`, link loops, links that lead out
 A spreadsheet's formula in a cell, `<script>` in a name
   -> an apostrophe in front; shown as text
   faults/test_texts: test_hostile_cells_and_file_names_end_as_text
+      test_a_hostile_header_is_escaped_in_one_line
   report/test_page: test_names_and_reasons_are_text_and_never_markup
   fleet/test_run: test_the_page_shows_hostile_text_as_text
 Bombs: Parquet, gzip, sparse files

@@ -93,6 +93,16 @@ def test_hostile_cells_and_file_names_end_as_text(tmp_path, tried):
     tried("a log whose file name is a formula, markup or a shell's command", len(NAMES))
 
 
+def test_a_hostile_header_is_escaped_in_one_line(tmp_path, tried):
+    (write,) = write_days(tmp_path, 1)
+    path = tmp_path / f"{write}.csv"
+    path.write_text(path.read_text().replace("time", "t\x0bme\x1b[31m", 1))
+    done = command("check", tmp_path)
+    assert done.returncode == 2 and "there are: t\\x0bme\\x1b[31m" in done.stderr
+    assert len(done.stderr.splitlines()) == 1 and "\x1b" not in done.stderr
+    tried("a header with a terminal's commands")
+
+
 def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
     data = tmp_path / "data"
     names = [name for name in (*NAMES, "a b", "..x", "<b>") if "/" not in name]
