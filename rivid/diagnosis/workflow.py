@@ -41,7 +41,6 @@ from rivid.diagnosis.search import (
     candidate_of,
     scatter_of,
     screened,
-    squares_left,
     swung,
     windows_near,
     with_effect,
@@ -509,13 +508,6 @@ class _Search:
             return None
         return self._scored(one)
 
-    def _squares(self, one: Explanation, model: Model) -> float:
-        """Return the squares that a model leaves with the noise of `one`; inf if it fails."""
-        try:
-            return squares_left(model, one, self.record)
-        except RividError:
-            return np.inf
-
     def _better(self, one: Explanation, more: Explanation | None) -> Explanation:
         """Add `more`, if it could be fitted, to the pool; return the better of the two."""
         self.pool += [] if more is None else [more]
@@ -607,18 +599,13 @@ class _Search:
         while True:
             model, effect = lead.model, lead.model.effects[-1]
             at = effect.dates, effect.hours
-            windows = [one for one in windows_near(at, self.record, open_days) if one not in tried]
-            tried |= {at, *windows}
-            moved = [replace(effect, dates=dates, hours=hours) for dates, hours in windows]
-            models = [model, *(replace(model, effects=(*model.effects[:-1], one)) for one in moved)]
-            # Other parameters hardly change with a day: dates far behind with the present ones stay behind.
-            now, *left = side_by_side(partial(self._squares, lead), models)
-            able = [
-                replace(lead, model=other)
-                for other, its in zip(models[1:], left, strict=True)
-                if its - now < 2.0 * LEAST or other.effects[-1].hours != effect.hours
+            near = [one for one in windows_near(at, self.record, open_days) if one not in tried]
+            tried |= {at, *near}
+            moved = [replace(effect, dates=dates, hours=hours) for dates, hours in near]
+            others = [
+                replace(lead, model=replace(model, effects=(*model.effects[:-1], one))) for one in moved
             ]
-            found = side_by_side(partial(self._fitted, near=lead), able)
+            found = side_by_side(partial(self._fitted, near=lead), others)
             best = max((one for one in found if one is not None), key=self.score, default=lead)
             if self.score(best) <= self.score(lead) + HAIR:
                 return lead
