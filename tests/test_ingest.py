@@ -291,7 +291,7 @@ class TestTimes:
         reason = go(tmp_path / "c", rows, time_zone="Etc/GMT-1").days[1].reason
         assert "logged twice" in reason and reason.endswith("its [input] time_zone is not Etc/GMT-1")
 
-    def test_files_whose_days_differ_need_a_zone(self, tmp_path):
+    def test_files_with_days_that_differ_need_a_zone(self, tmp_path):
         a = write(tmp_path / "a.csv", wide())
         b = write(tmp_path / "b.csv", wide(first=NEXT, zone="+02:00"))
         with pytest.raises(ConfigError, match="different UTC offsets: set .* time_zone"):
@@ -417,7 +417,7 @@ class TestFlags:
 
 
 class TestNames:
-    def test_a_column_that_no_export_holds_is_told_with_the_nearest(self, tmp_path):
+    def test_a_column_that_no_export_holds_is_reported_with_the_nearest(self, tmp_path):
         with pytest.raises(ConfigError, match="no export holds 'u_Qout' for u_Qo; nearest is 'u_Qo'"):
             go(tmp_path, wide(), u_Qo="u_Qout")
         rows = changes(("00:00:00", "in", "1"), ("00:00:00", "LEVEL", "118"), ("00:00:00", "out", "1"))

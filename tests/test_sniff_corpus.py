@@ -97,7 +97,7 @@ def test_two_readings_of_a_date_are_left_to_choose_in_a_comment():
     assert {"time_format", "units", "stamp"} <= set(proposal.open_keys)
 
 
-def test_units_that_no_word_tells_are_asked_for():
+def test_units_that_no_word_states_are_asked_for():
     (path,) = files_of("historian")
     proposal = sniff(path)
     assert "units" in proposal.open_keys
@@ -155,14 +155,14 @@ def test_choices_in_comments_are_valid_toml_in_eighty_columns():
         ("xyzzy", "America/Los_Angeles or UTC; Etc/GMT"),
     ],
 )
-def test_a_zone_that_is_none_is_told_with_those_near_and_the_sign_of_etc(said, near):
+def test_a_zone_that_is_none_is_refused_with_those_near_and_the_sign_of_etc(said, near):
     (path,) = files_of("american")
     result = CliRunner().invoke(cli, ["sniff", str(path), "--time-zone", said], standalone_mode=False)
     assert isinstance(result.exception, RividError) and near in str(result.exception)
     assert "Etc/GMT+8 is 8 h behind UTC" in str(result.exception) and "\n" not in str(result.exception)
 
 
-def test_the_sign_of_etc_zones_is_as_told():
+def test_the_sign_of_etc_zones_is_as_stated():
     noon = dt.datetime(2024, 6, 3, 12, tzinfo=ZoneInfo("Etc/GMT+8"))
     assert noon.utcoffset() == dt.timedelta(hours=-8)
     assert all(ZoneInfo(zone).key == zone for zone in USUAL_ZONES.values())

@@ -52,7 +52,7 @@ OUT not writable, DATA_DIR missing or empty
       test_out_that_can_be_no_directory
   run/test_run: test_nothing_to_work_on_is_exit_10
   run/test_promises: test_places_and_days_that_cannot_be_run
-  logs/test_find: test_nothing_to_read_says_what_was_looked_for
+  logs/test_find: test_nothing_to_read_reports_what_was_looked_for
 Truncated Parquet, flipped bits, our own files damaged
   -> an input: the day failed; ours: found by its checksum and made again
   faults/test_reading: TestParquet::test_truncated TestParquet::test_flipped_bytes_are_never_taken_as_data
@@ -66,7 +66,7 @@ Malformed or half-written CSV
   test_ingest: test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reason
   faults/test_reading: TestCsv::test_a_torn_last_line_fails_the_day
       TestCsv::test_a_file_cut_in_the_middle_fails_with_its_gap_or_line TestCsv::test_ragged_rows
-      TestCsv::test_what_is_called_a_csv_and_is_none TestCsv::test_a_comment_above_the_header_is_told
+      TestCsv::test_what_is_called_a_csv_and_is_none TestCsv::test_a_comment_above_the_header_is_reported
 Wrong, missing or doubled columns
   -> reported before any work, with the nearest name
   logs/test_find: TestColumnsThatNoLogHas
@@ -91,7 +91,7 @@ Duplicate, missing, irregular, backward times; clocks that drift
   faults/test_dirt: test_nothing_is_taken_as_data_that_is_none
   logs/test_read: test_rows_that_change_no_value_are_sorted_or_dropped_and_counted
       test_duplicates_that_conflict_fail_the_day
-      test_a_short_gap_is_filled_and_counted test_a_long_gap_fails_the_day_and_says_where
+      test_a_short_gap_is_filled_and_counted test_a_long_gap_fails_the_day_and_reports_where
       test_too_many_short_gaps_fail_the_day test_clocks_rounded_to_milliseconds_decide_no_sample
   logs/test_grid: *
 Days of 23 and 25 h; times that do not exist or come twice

@@ -219,7 +219,7 @@ class TestCsv:
         (tmp_path / f"{DAY}.csv").write_bytes(content)
         assert reason(tmp_path).startswith(f"{DAY}.csv {said}")
 
-    def test_a_comment_above_the_header_is_told(self, tmp_path):
+    def test_a_comment_above_the_header_is_reported(self, tmp_path):
         (tmp_path / f"{DAY}.csv").write_text("# station 7, exported by hand\n" + text_of(DAY))
         assert 'set [input] comment = "#", or skip_rows' in reason(tmp_path)
         assert (read(tmp_path, comment="#").output == a_day(DAY)[3]).all()

@@ -90,7 +90,7 @@ def test_hostile_cells_and_file_names_end_as_text(tmp_path, tried):
         start = "'" + name if name.startswith(FORMULA) else name
         assert message.startswith(start + ".csv, line 701: column 'u_Qi' holds 'ERR'")
     tried("a cell of a log that is a formula, markup or a terminal's command", len(CELLS))
-    tried("a log whose file name is a formula, markup or a shell's command", len(NAMES))
+    tried("a log with a file name that is a formula, markup or a shell's command", len(NAMES))
 
 
 def test_a_hostile_header_is_escaped_in_one_line(tmp_path, tried):
@@ -120,7 +120,7 @@ def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
         line.split(",")[0].strip('"') for line in (tmp_path / "out" / "fleet.csv").read_text().splitlines()
     ]
     assert not [cell for cell in cells if cell.startswith(("=", "+", "@", "-"))]
-    tried("a fleet's directory whose name is a formula, markup or a path", len(names))
+    tried("a fleet's directory with a name that is a formula, markup or a path", len(names))
 
 
 DEVICES = ("CON", "NUL", "aux", "COM1", "LPT1.txt")
@@ -138,7 +138,7 @@ def test_names_of_devices_and_options_for_reaches_logs_and_directories(tmp_path,
     made = {path.name for path in (tmp_path / "out").iterdir() if path.is_dir()} - {".rivid"}
     assert {"CON", "-rf"} <= made <= set(names) and ".hidden" not in made
     assert {path.name for path in tmp_path.iterdir()} == {"data", "out"}
-    tried("a reach whose directory is called like a device of Windows, an option, or hidden", len(names))
+    tried("a reach with a directory called like a device of Windows, an option, or hidden", len(names))
 
     odd = tmp_path / "-logs"
     for k, name in enumerate(names):
@@ -183,7 +183,7 @@ def test_an_out_that_parquet_cannot_name_is_one_line(tmp_path, tried):
         "run", tmp_path / "data", "--out", os.fsdecode(bytes(tmp_path) + b"/caf\xe9"), "--no-figures"
     )
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "not UTF-8" in done.stderr
-    tried("OUT whose name is not UTF-8")
+    tried("OUT with a name that is not UTF-8")
 
 
 def test_out_with_links_that_lead_out_writes_nothing_through_them(tmp_path, tried):

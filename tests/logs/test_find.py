@@ -146,7 +146,7 @@ def test_two_files_of_one_day_must_agree(tmp_path):
 
 
 @pytest.mark.parametrize("what", ["missing", "empty", "text"])
-def test_nothing_to_read_says_what_was_looked_for(tmp_path, what):
+def test_nothing_to_read_reports_what_was_looked_for(tmp_path, what):
     root = tmp_path / "logs"
     if what == "empty":
         root.mkdir()

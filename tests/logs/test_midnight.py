@@ -73,7 +73,7 @@ class TestAFilePerDayStampedAtTheEnd:
         with pytest.raises(DataError, match="not what it was when it was listed"):
             read_window(folder, [before[0]], settings)
 
-    def test_without_the_next_file_the_reason_says_what_is_missing(self, folder, settings):
+    def test_without_the_next_file_the_reason_states_what_is_missing(self, folder, settings):
         (folder / f"{DATES[-1]}.csv").unlink()
         last = days_of(folder, settings)[-1]
         with pytest.raises(DataError, match="gap of 15 min from 23:45 in u_Qi: the row that closes the day"):

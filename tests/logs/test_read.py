@@ -124,7 +124,7 @@ def test_a_short_gap_is_filled_and_counted(tmp_path):
     )
 
 
-def test_a_long_gap_fails_the_day_and_says_where(tmp_path):
+def test_a_long_gap_fails_the_day_and_reports_where(tmp_path):
     lines = rows()
     for line in lines[354:375]:
         line[3] = ""
@@ -161,7 +161,7 @@ def test_one_column_coarser_than_the_others_names_its_interval(tmp_path):
         read(put(tmp_path, lines), reach={"sample_time": 300})
 
 
-def test_a_coarser_log_is_read_when_it_says_so(tmp_path):
+def test_a_coarser_log_is_read_where_declared(tmp_path):
     data = read(put(tmp_path, rows(n=288, step=300)), interval={"u_Qi": 300, "u_Qo": 300, "h_L": 300})
     assert (len(data.inflow), data.n_filled) == (650, 0)
 
@@ -203,7 +203,7 @@ def test_duplicates_that_conflict_fail_the_day(tmp_path):
         read(put(tmp_path, lines))
 
 
-def test_a_file_of_another_day_says_which_days_it_holds(tmp_path):
+def test_a_file_of_another_day_reports_which_days_it_holds(tmp_path):
     folder = put(tmp_path, rows(DAY + dt.timedelta(days=5)))
     with pytest.raises(DataError, match="2008-03-10.csv holds 2008-03-15 and nothing of 2008-03-10"):
         read(folder)
