@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE  # without its bytecode the package is compiled
 .DEFAULT_GOAL := help
 .PHONY: help install setup run week glen-canyon exam exam-quick exam-mutations diagnose-real real hydraulic-page test test-long check bench scale accuracy posterior-pages peers consumers forecast-page glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
 
-help:  ## what there is to make
+help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 $(VENV)/.ready: pyproject.toml requirements.lock
@@ -45,7 +45,7 @@ $(VENV)/.compiled: $(VENV)/.dev $(KERNELS)  # these tests call all kernels: comp
 		tests/diagnosis/test_decision.py::test_events_pay_for_those_of_the_impossible_sign
 	@touch $@
 
-test: setup $(VENV)/.compiled  ## all tests but the long loops; no worker waits for another's last file
+test: setup $(VENV)/.compiled  ## all tests but the long loops
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not long"
 
 test-long: setup $(VENV)/.compiled  ## the long loops and the tests of the benchmarks too
@@ -66,7 +66,7 @@ scale: setup  ## 100,000 and 1,000,000 days of a fleet, written to docs/scale.md
 accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
 	$(BIN)/python -m benchmarks.accuracy
 
-posterior-pages: setup  ## how right and how sure the posterior is, written to docs/accuracy_{posterior,river}.md
+posterior-pages: setup  ## accuracy and calibration of `posterior`, written to docs/accuracy_{posterior,river}.md
 	$(BIN)/python -m benchmarks.posterior
 	$(BIN)/python -m benchmarks.posterior_river
 
@@ -77,12 +77,12 @@ $(PEERS)/.ready: pyproject.toml requirements.lock  # sysidentpy asks for an olde
 	@touch $@
 
 CONSUMERS := .venv-consumers
-consumers:  ## the files of `rivid export`, read by those whom they are for, in an environment of their own
+consumers:  ## the files of `rivid export`, read by their target software in an environment of its own
 	$(PYTHON) -m venv $(CONSUMERS)
 	$(CONSUMERS)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[consumers]"
 	$(CONSUMERS)/bin/python -m pytest -q -p no:cacheprovider tests/test_export.py
 
-peers: $(PEERS)/.ready  ## the posterior beside what a user would take instead, written to docs/peers.md
+peers: $(PEERS)/.ready  ## `posterior` compared with alternative methods, written to docs/peers.md
 	$(PEERS)/bin/python -m benchmarks.peers
 
 forecast-page: $(PEERS)/.ready  ## forecasts beside their peers, written to docs/forecast.md
@@ -112,10 +112,10 @@ diagnose-real: setup  ## the hidden bypass of Glen Canyon Dam, written to docs/d
 figures: run  ## the paper's figures of the sample year, and the cascade's, on one page
 	$(BIN)/rivid figures $(OUT)/basse_isere --paper
 
-paper-page: setup  ## the paper's claims beside what is found here, written to docs/paper.md
+paper-page: setup  ## the paper's claims compared with the results here, written to docs/paper.md
 	$(BIN)/python -m benchmarks.paper
 
-sensitivity: setup  ## what the estimate hangs on, written to docs/sensitivity.md
+sensitivity: setup  ## sensitivity of the estimate, written to docs/sensitivity.md
 	$(BIN)/python -m benchmarks.sensitivity
 
 pictures: run glen-canyon  ## the pictures of the README and the guide (the page's needs Chromium)

@@ -57,7 +57,7 @@ def section(name: str) -> str:
             continue
         rows.append(line(f"{days} day{'s' * (days > 1)}", inflow, output, settings, config.jmap.alpha, hours))
     head = ["window", "t50 of the MAP FIR [h]", "its gain", "cross-correlation [h]", "jump d T_s, jmap [h]",
-            "the same, shuffled", "`prior_only`", "shuffled"]  # fmt: skip
+            "jump, shuffled windows [h]", "`prior_only`", "`prior_only`, shuffled windows"]  # fmt: skip
     text += "Median over windows, with the 10th and 90th percentile.\n\n" + table(head, rows)
 
     inflow, output = data_sets(config, config.run.window_days)

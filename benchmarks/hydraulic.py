@@ -207,7 +207,7 @@ def main() -> None:
         + "\nThe wave arrives with most of its height within two lags. The rest follows, spread by friction and reflection."
         "\nIf the front is between two samples, the jump in the response is divided into two parts, and the estimate may be "
         "late\nby one. On 12 km the feedback and the slow oscillation of the level act between departure and arrival, and on some days the\n"
-        "estimate is at lags without a response. The prior's mode alone is within one sample on nearly all days: the\n"
+        "estimate is at lags without a response. With the reach's settings, the prior's mode alone is within one sample on nearly all days: the\n"
         "hydraulics determine the delay better than the logs of a day.\n"
     )
     (ROOT / "docs" / "hydraulic.md").write_text(text, encoding="utf-8")

@@ -248,7 +248,7 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         return f"{m_(name, key):.0f} %"
 
     text = (
-        "\n## The year or the method?\n\n"
+        "\n## Influence of the simulated year\n\n"
         f"The same measures over {seeds} simulated years of each world, per cent of days, mean with the lowest and highest year. True delays are 6 to 8. "
         '"Operators exact": equal gains, commands and set-points without steps, no differences between shifts. "All three": perfect gauge, no unlogged inflow, exact operators. "Operators at intervals": they act every 10 to 30 minutes or when the inflow changes, with a dead band of 2 cm. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
         + table(["", *names], rows)
@@ -257,7 +257,7 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         f"The indirect one goes from {m(YEAR, turn[0])} to {m(YEAR, turn[1])}; where the level is (10) itself, from {m(MODEL, turn[0])} to {m(MODEL, turn[1])}.\n"
         f"- The first jump, h[0] > h[1] (JMAP): {m(YEAR, first)} as it is, {m('operators exact', first)} with exact operators, {m('operators at intervals', first)} with operators at intervals, {m(MODEL, first)} where y is (10) itself.\n"
         f"- Uniform prior, alpha estimated, within one sample: {m(YEAR, free)} as it is, {m('perfect gauge', free)} with a perfect gauge, {m('no unlogged inflow', free)} without unlogged inflow, "
-        f"{m('operators exact', free)} with exact operators, {m('all three', free)} with all three: [what w is](#what-w-is).\n"
+        f"{m('operators exact', free)} with exact operators, {m('all three', free)} with all three: [composition of the residual](#composition-of-the-residual-w).\n"
         f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, {m('perfect gauge', alike)} with a perfect gauge, {m('operators exact', alike)} with exact operators, {m('all three', alike)} with all three, "
         f"{m('operators at intervals', alike)} with operators at intervals.\n"
         f"- Rayleigh prior at 6 or 7: {m(YEAR, rayleigh)} as it is, {m('operators at intervals', rayleigh)} with operators at intervals, {m('perfect gauge', rayleigh)} with a perfect gauge.\n"
@@ -298,7 +298,7 @@ def main() -> None:
     halved = all(np.ptp(r.estimated) <= np.ptp(r.empirical) / 2 for r in next(iter(row.values()))[:3])
     same = sum(bool(claim.same) for claim in claims)
     text = (
-        "# The paper's figures and claims, and ours\n\n"
+        "# The paper's claims compared with the results of rivid\n\n"
         "Written by `make paper-page`, which measures every number. The year is simulated (`sample_data/basse_isere`, a reach with the character of Table I), its true delays are known, "
         f"{len(w.truth)} data sets of {w.u.shape[1]} samples. It was set up from the paper's information on reach, flows and operators ([how](../sample_data/basse_isere/README.md)), never from the result of an estimator. Shares are of days; in brackets "
         f"{seeds} other simulated years of the same kind, mean with lowest and highest. The figures themselves: `rivid figures OUT --paper`.\n\n"

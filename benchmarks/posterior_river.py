@@ -152,8 +152,8 @@ def simulated(n_rivers: int) -> str:
             rows.append([f"{days} d", name, str(len(e)), f"{np.median(e):.2f}", f"{np.mean(e <= 1):.2f}", f"{ok.mean():.2f}",
                          f"{np.mean(e[ok] <= 1):.2f}", f"{held.mean():.2f}", f"{np.median(part[5][ok]):.1f}",
                          f"{np.median(c):.2f}", f"{np.mean(c <= 1):.2f}", f"{np.mean(seconds):.3f}"])  # fmt: skip
-    head = ["window", "river", "windows", "median error", "within 1", "answered", "within 1 of these", "90 % band holds",
-            "its width", "cross-correlation: median error", "within 1", "s a window"]  # fmt: skip
+    head = ["window", "river", "windows", "median error [samples]", "within 1", "answered", "within 1 of these", "90 % band holds",
+            "its width [samples]", "cross-correlation: median error [samples]", "within 1", "s a window"]  # fmt: skip
     null = []
     for days in (1, 3, 7):
         mine = np.array([row for row in other if row[0] == days])
@@ -207,7 +207,7 @@ def measured() -> str:
         foretold.append(
             [title, *(f"{np.median(e):.1f} ({np.quantile(e, 0.9):.1f})" for e in errors.values())]
         )
-    head = ["reach", "windows", "answered", "t50, Q in 10,000 cfs", "median error of the law [h]", "90 % band [h]", "gain",
+    head = ["reach", "windows", "answered", "t50, Q in 10,000 cfs", "median error of the law [h]", "width of the 90 % band [h]", "gain",
             "cross-correlation", "median error of its law [h]", "s a window"]  # fmt: skip
     return (
         table(head, rows)
@@ -226,7 +226,7 @@ def foretell(
     u, y = U[:, :past] - U[:, :1], Y[:, :past] - Y[:, :1]
     models = {
         "t50's response": [np.convolve(a, h)[: len(a)] for a, h in zip(U, fir, strict=True)],
-        "the same, high water sooner": [
+        "t50's response, faster at higher flow": [
             np.convolve(hastened(a, float(np.mean(a[:past])), q), h)[: len(a)]
             for a, h, q in zip(U, fir, lead, strict=True)
         ],

@@ -139,7 +139,7 @@ def travelled(reach: Reach, record: Record) -> str:
             known[(flow >= a) & (flow < b)] = lag
     inside = (known >= low - doubt - 0.5 * T) & (known <= high + doubt + 0.5 * T)
     return table(
-        ["windows", "answered", "t50 [h], median (80 %)", "known [h]", "known lag, with its uncertainty, within the 90 % set", "time"],
+        ["windows", "answered", "t50 [h], median (80 %)", "lag of the cross-correlation [h]", "share of 90 % sets that hold this lag, with its uncertainty", "time"],
         [[str(len(u)), f"{ok.mean():.2f}", f"{np.median(t50):.2f} ({np.quantile(t50, 0.1):.2f}-{np.quantile(t50, 0.9):.2f})",
           "7.5, 6.75, 6.25 by flow" if reach.config.reach.name == "marble-canyon-rm30" else f"{reach.lag:g}",
           f"{inside.mean():.2f}", f"{seconds:.1f} s"]],
@@ -159,7 +159,7 @@ def main() -> None:
         "bank storage and differences between the ratings of the gauges, so a name there cannot be verified by a "
         "record. Short windows are more difficult than a year: where the bypass runs on all days, its dates are not visible, and a "
         "gain error may replace it. A rating error of a percent, or a spring, appears as a tie of ratings and "
-        "inflows, or as one of them. Names at 0.95 and more in these tables that no record supports are wrong with high confidence.\n"
+        "inflows, or as one of them. A name with a probability of 0.95 or more that a record contradicts would be a false alarm.\n"
     )
     for reach in reaches():
         record = record_of(reach)

@@ -27,7 +27,7 @@ HEAD = """# Faults injected, and the results
 
 Written by `python -m benchmarks.reliability --long` from the records of the tests themselves; do not edit. Faults are
 real: processes are killed with SIGKILL, disks are full, limits are set in the kernel, bombs are written and read.
-`tests/faults/rows.py` lists the tests of each fault.
+`tests/faults/rows.py` lists the tests of each fault; a test may be listed under several.
 
 {summary}
 

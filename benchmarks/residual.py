@@ -47,7 +47,7 @@ def section() -> str:
     larger = "operators" if operators[0] < gauge[0] else "gauge"
     hides = "operators" if operators[1] > gauge[1] else "gauge"
     return (
-        f"\n## What w is\n\n{len(SEEDS)} simulated years of the sample year's kind. Exact operators: equal gains, commands and set-points without steps, "
+        f"\n## Composition of the residual w\n\n{len(SEEDS)} simulated years of the sample year's kind. Exact operators: equal gains, commands and set-points without steps, "
         "no differences between shifts. Exact gauge: no noise, no step.\n\n"
         + table(
             [

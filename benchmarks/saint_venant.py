@@ -123,7 +123,7 @@ def shared() -> str:
     seconds = {key: median(took) for key, took in functions_in_turn(tasks, RUNS).items()}
     goals = {(nudged, 1): "1,500", (nudged, 2): "2,800", (columns, 1): "", (columns, 2): "1.5 s"}
     names = {
-        nudged: f"{days} days in rows, 48 cells, nudged: days a second",
+        nudged: f"{days} days simulated independently, 48 cells, level relaxed to the measured one: days a second",
         columns: f"baseline and columns of {len(response.parameters)} parameters and {len(effects)} effects, {days} days",
     }
     table_rows = []
@@ -220,7 +220,7 @@ def closed_loop() -> str:
 def sections() -> str:
     """Return the sections of `make bench` on the simulated world and the noise."""
     return (
-        "## The simulated world\n\nOpen loop, nudged, one core:\n\n"
+        "## The simulated world\n\nOpen loop, level relaxed to the measured one, one core:\n\n"
         + measured({f"{cells} cells": (cells, 60) for cells in (24, 48, 96)})
         + "\n"
         + shared()

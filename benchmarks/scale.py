@@ -179,7 +179,7 @@ worker; the command holds a few numbers for each reach.
 ## {REACHES:,} reaches, {YEARS} years
 
 The following is arithmetic on measurements, {REACHES * YEARS * DAYS_A_YEAR / 1e6:.1f} million days: processor time is proportional to days
-(table above), reaches are independent, and `--shard I/N` or Dask distribute them. Logs of this size take
+(table above; the times below are of fewer and larger reaches), reaches are independent, and `--shard I/N` or Dask distribute them. Logs of this size take
 {log_bytes:.2f} TB as Parquet ({large.logs_bytes / large.days / 1e3:.1f} kB a day).
 
 {table(["estimators", "processor time a day", "core-hours", "on 64 cores", "results"], by_estimator)}
@@ -188,9 +188,8 @@ Figures and page of a reach of ten years take {drawing[0]:.1f} s of a core with 
 the reaches that are inspected.
 
 Every morning, one new day each, in {new_day.reaches} reaches of {new_day.days:,} finished days: {new_day.wall:.2f} s per reach on two cores,
-{new_day.seconds:.2f} s of a core, of which {new_day.idle:.2f} s to find that nothing else is new; {new_day.seconds * REACHES / 3600:.1f} core-hours for {REACHES:,} reaches. Most
-of it is the rewriting of the tables of a reach: they are whole files of all its days, byte for byte those of a
-run from scratch.
+{new_day.seconds:.2f} s of a core, of which {new_day.idle:.2f} s to check that nothing else is new; {new_day.seconds * REACHES / 3600:.1f} core-hours for {REACHES:,} reaches. The rest
+estimates the day and rewrites the tables of the reach, byte for byte those of a run from scratch.
 """
 
 

@@ -174,7 +174,7 @@ def section(study: Study, found: dict[str, Floats]) -> str:
     for i, value in enumerate(study.values):
         name = f"**{value:g}**" if value == study.usual else f"{value:g}"
         rows.append([name, *(spread(shares[i]) for shares in found.values())])
-    return f"\n## {study.name[0].upper()}{study.name[1:]}\n\n" + table([f"[{study.unit}]", *found], rows)
+    return f"\n## {study.name}\n\n" + table([f"[{study.unit}]", *found], rows)
 
 
 def other_reaches(seeds: range) -> tuple[str, dict[str, Floats]]:
@@ -238,7 +238,7 @@ def findings(answers: dict[str, dict[str, Floats]], others: dict[str, Floats]) -
         f"- **alpha** = 1e4, where it is fixed, is the paper's value, {share(A, fixed)} here; the best is {best(A, fixed)}, estimated it gives {share(M, free)}. With the full equations the smaller alpha is better: "
         f"8.2 km {at_alpha('hydraulic', 1e4)} at 1e4, {at_alpha('hydraulic', 1e6)} at 1e6; 4.5 km {at_alpha('hydraulic_short', 1e4)} and {at_alpha('hydraulic_short', 1e6)}. A stiff response finds a sharp front better and a spread one "
         "worse; real fronts are spread, so the default stays.\n"
-        f"- **d_max** = 15: without the prior {share(D, free)}, at 8 {share(D, free, 8)}, at 30 {share(D, free, 30)}; a range twice the longest hydraulic delay costs some days, and an answer at the bound is visible.\n"
+        f"- **d_max** = 15: without the prior {share(D, free)}, at 8 {share(D, free, 8)}, at 30 {share(D, free, 30)}; a range twice the longest hydraulic delay costs some days, and an estimate at d_max is marked in `at_bound`.\n"
         f"- **The gauge** hides the delay (below): without the prior {ends(noise, free)} of noise, {ends(step, free)} of step. Table VI is less sensitive to it ({ends(noise, 'Table VI')}; on shuffled days {ends(noise, NOTHING)}).\n"
         f"- **The feedback**: {ends(feedback, free)}. **The unlogged inflow**: {ends(inflow, free)}.\n"
     )

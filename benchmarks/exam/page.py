@@ -120,7 +120,7 @@ def reliability(judged: Sequence[Judged]) -> str:
             f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{said:.2f}", written(hits, n),
             "#" * round(20 * hits / n), "yes" if near else "no",
         ])  # fmt: skip
-    heads = ["probability", "names", "mean", "right (Wilson 95 %)", "", f"within {RELIABLE:g}"]
+    heads = ["probability", "names", "mean", "right (Wilson 95 %)", "share", f"interval, {RELIABLE:g} wider, holds the mean"]
     return table(heads, lines)
 
 
@@ -170,7 +170,10 @@ def _evidence(r: Result) -> str:
     if not known:
         return "-"
     edge = next((edge for edge in (1000, 300, 100, 30) if min(known) >= edge), 0)
-    return f"{edge} nats and more" if edge else "below 30 nats"
+    if not edge:
+        return "below 30 nats"
+    upper = {30: 100, 100: 300, 300: 1000}.get(edge)
+    return f"{edge} to {upper} nats" if upper else "1000 nats and more"
 
 
 FACTORS: dict[str, Callable[[Result], str]] = {
@@ -179,7 +182,7 @@ FACTORS: dict[str, Callable[[Result], str]] = {
     "programme": lambda r: str(r["truth"]["world"]["programme"]),
     "sample time": _binned("sample_time_s", (133.0, 300.0), "s"),
     "gauge step": _binned("gauge_step_m", (0.0015, 0.004, 0.008), "m"),
-    "stilling well": _binned("well_s", (1e-9, 60.0), "s"),
+    "stilling well": lambda r: _binned("well_s", (60.0,), "s")(r) if r["truth"]["world"]["well_s"] else "none",
     "length": _binned("length_m", (4000.0, 9000.0), "m"),
     "days": _binned("days", (50.0, 80.0), "days"),
     "weather": _binned("weather_share", (0.006, 0.012), "of the flow"),
@@ -263,5 +266,5 @@ def mistakes(marks: Sequence[Marked]) -> str:
             lines.append(
                 [str(r["seed"]), j.kind, r["truth"]["world"]["water"], hidden or "-", j.verdict, str(said)]
             )
-    heads = ["seed", "kind", "water", "hidden", "verdict", "named"]
+    heads = ["seed", "hidden", "water", "effects", "verdict", "named"]
     return table(heads, lines) if lines else "None.\n"

@@ -53,11 +53,12 @@ class Target:
             return "reached"
         share = hits / n if n else float("nan")
         off = max(self.least - share, share - self.most)
+        miss = f"{'above' if share > self.most else 'short'} by {off:.2f}"
         if n and (high < self.least or low > self.most):
-            return f"short by {off:.2f}"
+            return miss
         if not n:
             return "too few to decide"
-        return f"too few to decide ({'met' if off <= 0 else f'short by {off:.2f}'} so far)"
+        return f"too few to decide ({'met' if off <= 0 else miss} so far)"
 
 
 def written(hits: int, n: int) -> str:

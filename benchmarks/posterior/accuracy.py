@@ -91,7 +91,7 @@ FACTORS: dict[str, Callable[[dict[str, Any]], str]] = {
     "all": lambda f: "",
     "water": lambda f: str(f["water"]),
     "gauge's noise [mm]": _between("gauge_noise_m", (0.5, 1.0, 2.0, 4.0), 1e-3),
-    "gauge's step [mm]": lambda f: f"{1e3 * f['gauge_step_m']:02.0f}",
+    "gauge's step [mm]": lambda f: f"{1e3 * f['gauge_step_m']:.0f}",
     "stilling well [s]": lambda f: "none" if f["well_s"] == 0.0 else _between("well_s", (10, 60, 120))(f),
     "well and gate [samples]": _between("lag", (0.0, 0.3, 0.6, 1.0, 4.0)),
     "length [km]": _between("length_m", (2, 4, 8, 12, 20), 1e3),

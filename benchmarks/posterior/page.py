@@ -84,12 +84,12 @@ def page(
     """Return the whole page."""
     by_truth = groups(found)
     head_row = ["", "days", *(f"{what} [%], {aim}" for what, aim, _ in TARGETS)]
-    text = head + "\n## Beside the targets\n\n"
+    text = head + "\n## Results and targets\n\n"
     text += table(head_row, [[name, *numbers(s)] for name, s in by_truth.items()])
     text += "\n" + verdict(by_truth)
     text += "\n## World by world\n\n"
-    short = ["world", "T_s [s]", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
-             "place in its band", "width of the band [samples]"]  # fmt: skip
+    short = ["world", "T_s [s]", "days", "answered", "exact", "within one", "coverage", "wrong with p > 0.9",
+             "travel time in its 90 % band", "width of the band [samples]"]  # fmt: skip
     for kind, what in (("development", "Worlds used for development, with other seeds"),
                        ("proof", "Worlds not used for development")):  # fmt: skip
         rows = [
@@ -121,8 +121,8 @@ def drawn_section(drawn: list[Found], head: list[str]) -> str:
 
 def random_section(exam: ByFactor, rough: ByFactor) -> str:
     """Return the scores of the exam's random worlds by factor."""
-    head = ["factor", "", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
-            "place in its band", "width of the band [samples]", "error of the half-response [samples]",
+    head = ["factor", "", "days", "answered", "exact", "within one", "coverage", "wrong with p > 0.9",
+            "travel time in its 90 % band", "width of the band [samples]", "error of the half-response [samples]",
             "of the travel time alone"]  # fmt: skip
 
     def line(s: Scores) -> list[str]:
@@ -178,7 +178,7 @@ def null_section(found: list[Found]) -> str:
         sure = int((s.answered & (s.top > 0.9)).sum())
         rows.append([kind, str(n), share(int(s.answered.sum()), n, 2), share(sure, n, 2)])
     return (
-        "## Nothing to find: shuffled days\n\nThe inflow of one day with the level and the outflow of another.\n\n"
+        "## False answers on shuffled days\n\nThe inflow of one day with the level and the outflow of another.\n\n"
         + table(["worlds", "days", "answered [%]", "answered with p above 0.9 [%]"], rows)
         + "\n"
     )

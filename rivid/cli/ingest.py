@@ -16,7 +16,7 @@ from rivid.text import count
 
 @click.command("ingest")
 @shared.exports(required=False)
-@shared.config("What the exports look like: [input] (TOML).", required=True)
+@shared.config("Description of the exports: [input] (TOML).", required=True)
 @shared.logs_out
 @shared.value(
     "--format", shared.OneOf(["csv", "csv.gz", "parquet"]), "NAME",

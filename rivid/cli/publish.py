@@ -10,8 +10,8 @@ from rivid.cli import options as shared
 
 @click.command("publish")
 @click.argument("out", type=shared.PATH)
-@shared.value("--to", str, "URL", "The database, as SQLAlchemy names it.", "url", required=True)
-@shared.value("--table", str, "NAME", "Its table.", default="rivid_delays", show_default=True)
+@shared.value("--to", str, "URL", "SQLAlchemy URL of the database.", "url", required=True)
+@shared.value("--table", str, "NAME", "Name of the table.", default="rivid_delays", show_default=True)
 @shared.first_day("write")
 @shared.quiet
 def command(out: Path, url: str, table: str, first: dt.date | None, quiet: bool) -> int:

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 @shared.flag("--verify", "Hash every file, also where size and time are unchanged.")
 @shared.flag("--strict", "Exit 3 for any failed day, also one that had failed before.")
 @shared.flag("--no-figures", "Tables only.")
-@shared.value("--shard", str, "I/N", "Do the I-th of N parts; a run without --shard merges them.")
+@shared.value("--shard", str, "I/N", "Process part I of N; a run without --shard merges the parts.")
 @shared.days("estimate")
 @shared.value(
-    "--workers", click.IntRange(1, 512), "N", "Processes that estimate and draw; default: as many as pay off."
+    "--workers", click.IntRange(1, 512), "N", "Processes that estimate and draw; default: by the number of new days."
 )
 @shared.value(
     "--engine", shared.OneOf(["processes", "dask"]), "NAME",
@@ -59,10 +59,10 @@ def command(
     A DATA_DIR without logs that holds directories of logs is a fleet's: each is a reach, run into
     OUT/<reach>, and fleet.html reports on all of them. The configuration is then a file for all, or a
     directory with a <reach>.toml for each over a defaults.toml; without --config, DATA_DIR/<reach>/rivid.toml
-    stands over the rivid.toml of DATA_DIR or above it, key by key.
+    overrides the rivid.toml of DATA_DIR or above it, key by key.
 
-    --shard does one part of N: every N-th block of days of a reach, every N-th reach of a fleet. Parts run
-    at the same time, on any machines that see OUT. The same command without --shard merges them; of a
+    --shard processes one part of N: every N-th block of days of a reach, every N-th reach of a fleet. Parts
+    run at the same time, on any machines with access to OUT. The same command without --shard merges them; of a
     fleet, `rivid fleet OUT` is enough.
 
     \b

@@ -43,6 +43,7 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
 
     \b
     Of one reach of a fleet:
+      rivid run sample_data -c configs/fleet --estimator posterior -o out/fleet
       rivid season out/fleet --reach basse_isere
     """
     from rivid.results.read import last_record

@@ -14,7 +14,7 @@ from rivid.cli import options as shared
     "Zone of its clock, as Europe/Paris or America/Los_Angeles; Etc/GMT+8 is 8 h behind UTC.",
 )  # fmt: skip
 def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
-    """Propose an [input] block for EXPORTS, one file from elsewhere, or several of one dialect.
+    """Propose an [input] block for EXPORTS, one exported file, or several of one dialect.
 
     Comments list what the files alone do not determine: which discharge is the inflow (a list of columns is
     a sum), the zone, whether a time is the start or end of an interval.

@@ -66,7 +66,7 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
         click.echo(wrap(doubt, 2))
     _print_failures(summary, noun)
     if is_new and not config.run.window:
-        click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
+        click.echo("hint: `rivid check` tests units, clocks and gauge")
     shown = "report.html" if options.figures else "delays.csv"
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
     if config.run.window:

@@ -63,7 +63,7 @@ def test_the_first_run_points_to_check_and_flows_that_are_too_fast_are_named(riv
     narrow.write_text("[reach]\nlength = 8200\nwidth = 1\ndepth = 4.9\n")
     words = ("run", logs, "--config", narrow, "--out", tmp_path / "out", "--no-figures")
     first, second = rivid(*words).stdout, rivid(*words, "--force").stdout
-    assert "new here?" in first and "new here?" not in second and " 0 done before" in second
+    assert "hint: `rivid check`" in first and "hint:" not in second and " 0 done before" in second
     assert re.search(
         r"on (\d+) of \1\sdays?\sthe mean inflow, \d+ m3/s, is too fast", " ".join(first.split())
     )
