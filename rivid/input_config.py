@@ -13,11 +13,10 @@ Column = str | list[str]
 FLOWS = ("u_Qi", "u_Qo", "Q_L")
 """Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
 
-UNITS: dict[str, dict[str, float]] = {
-    "flow": {"m3/s": 1.0, "cfs": 0.028316846592, "kcfs": 28.316846592, "L/s": 1e-3, "m3/h": 1 / 3600},
-    "level": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
-}
-"""Factors to m3/s and to m of the units that `[input.units]` knows."""
+FLOW_UNITS = {"m3/s": 1.0, "cfs": 0.028316846592, "kcfs": 28.316846592, "L/s": 1e-3, "m3/h": 1 / 3600}
+LEVEL_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
+UNITS = {"u_Qi": FLOW_UNITS, "u_Qo": FLOW_UNITS, "h_L": LEVEL_UNITS, "Q_L": FLOW_UNITS}
+"""Factors to m3/s, or to m, of the units that `[input.units]` accepts, by canonical column."""
 
 
 @dataclass(frozen=True)
@@ -192,16 +191,18 @@ class InputConfig(Section):
         float, Field(ge=0, le=1), Means("largest share of a day's samples that may bridge gaps")
     ] = 0.2
 
+    def unit(self, column: str) -> str:
+        """Return the declared unit of a canonical column; m3/s or m by default."""
+        return self.units.get(column, "m" if column == "h_L" else "m3/s")
+
     @field_validator("units", "stamp", "interval", "quality", "hold")
     @classmethod
     def _known_columns(cls, value: Any, info: ValidationInfo) -> Any:
-        valid = ("u_Qi", "u_Qo", "h_L", "Q_L")
         for key in value if isinstance(value, dict) else ():
-            if key not in valid:
-                raise ValueError(f"unknown column {key!r}; valid: {', '.join(valid)}")
-            units = UNITS["level" if key == "h_L" else "flow"]
-            if info.field_name == "units" and value[key] not in units:
-                raise ValueError(f"{key} = {value[key]!r}; valid units: {', '.join(units)}")
+            if key not in UNITS:
+                raise ValueError(f"unknown column {key!r}; valid: {', '.join(UNITS)}")
+            if info.field_name == "units" and value[key] not in UNITS[key]:
+                raise ValueError(f"{key} = {value[key]!r}; valid units: {', '.join(UNITS[key])}")
         return value
 
     @field_validator("encoding")
@@ -223,7 +224,7 @@ class InputConfig(Section):
             )
         if self.thousands == self.decimal:
             raise ValueError(f"thousands and decimal are both {self.decimal!r}: expected two different marks")
-        for name in ("time", "u_Qi", "u_Qo", "h_L", "Q_L"):
+        for name in ("time", *UNITS):
             columns = getattr(self, name)
             if columns is None or (name == "u_Qo" and columns == ""):
                 continue

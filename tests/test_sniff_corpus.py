@@ -53,7 +53,7 @@ def test_a_proposal_with_the_open_keys_answered_reads_every_value(name, tmp_path
     """Cases without answers are read by the proposal alone."""
     proposal, answers = sniff(files_of(name), zone_of(name)), ANSWERS.get(name, {})
     raw = tomllib.loads(proposal.toml)
-    assert set(answers) <= set(proposal.open_keys), proposal.toml
+    assert set(answers) <= dict(proposal.questions).keys(), proposal.toml
     raw["input"] |= answers
     outcome = outcome_of(name, raw, tmp_path)
     assert outcome.exit_code == 0, [day.reason for day in outcome.days] + [proposal.toml]
@@ -72,7 +72,7 @@ def test_a_proposal_is_wrong_only_in_keys_that_are_open(name, tmp_path):
         assert error.exit_code == 2 and "\n" not in str(error)
         return
     wrong = differences(found_in(tmp_path / "logs"), expected_of(name))
-    assert not wrong or any(key in proposal.open_keys for key in ANSWERS[name])
+    assert not wrong or any(key in dict(proposal.questions) for key in ANSWERS[name])
     assert outcome.days
 
 
@@ -80,9 +80,9 @@ def test_a_proposal_is_wrong_only_in_keys_that_are_open(name, tmp_path):
 def test_without_a_zone_it_is_asked_for_and_nothing_is_read(name, tmp_path):
     proposal = sniff(files_of(name))
     if name in ("zrxp", "historian", "ogc_json"):  # TZUTC+1 in its header; an offset after each time
-        assert "time_zone" not in proposal.open_keys
+        assert "time_zone" not in dict(proposal.questions)
         return
-    assert "time_zone" in proposal.open_keys
+    assert "time_zone" in dict(proposal.questions)
     with pytest.raises(RividError, match="time_zone|time_format|input"):
         outcome = outcome_of(name, tomllib.loads(proposal.toml), tmp_path)
         assert all(day.status == "refused" for day in outcome.days)
@@ -94,23 +94,23 @@ def test_two_readings_of_a_date_are_left_to_choose_in_a_comment():
     proposal = sniff(path, "Etc/GMT-1")
     assert '# time_format = "%d/%m/%Y %H:%M" or "%m/%d/%Y %H:%M": choose one' in proposal.toml
     assert "time_format" not in tomllib.loads(proposal.toml)["input"]
-    assert {"time_format", "units", "stamp"} <= set(proposal.open_keys)
+    assert {"time_format", "units", "stamp"} <= dict(proposal.questions).keys()
 
 
 def test_units_that_no_word_states_are_asked_for():
     (path,) = files_of("historian")
     proposal = sniff(path)
-    assert "units" in proposal.open_keys
+    assert "units" in dict(proposal.questions)
     assert "no unit is written for u_Qi: m3/s is taken" in proposal.toml
     (path,) = files_of("french")
-    assert "units" not in sniff(path, "Etc/GMT-1").open_keys
+    assert "units" not in dict(sniff(path, "Etc/GMT-1").questions)
 
 
 def test_flags_are_shown_and_only_those_known_or_common_are_taken_as_good():
     (path,) = files_of("usgs")
     proposal = sniff(path, "America/Denver")
     raw = tomllib.loads(proposal.toml)["input"]
-    assert raw["good"] == ["A"] and "good" in proposal.open_keys
+    assert raw["good"] == ["A"] and "good" in dict(proposal.questions)
     assert raw["quality"] == {"u_Qi": "111_00060_cd", "u_Qo": "222_00060_cd", "h_L": "333_00065_cd"}
     assert raw["zones"] == {"MDT": "-06:00", "MST": "-07:00"}
 
@@ -128,7 +128,7 @@ def test_what_operators_must_fill_in_stands_in_comments_of_a_block_that_ends_wit
 
 def test_the_question_on_the_stamp_states_how_much_it_matters():
     (path,) = files_of("american")
-    (question,) = [q for q in sniff(path, "Etc/GMT-1").open_questions if "[input.stamp]" in q]
+    (question,) = [q for _, q in sniff(path, "Etc/GMT-1").questions if "[input.stamp]" in q]
     assert "up to one interval (900 s)" in question
 
 

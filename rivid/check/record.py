@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rivid.config import ReachConfig
 from rivid.errors import ConfigError
+from rivid.input_config import FLOWS
 from rivid.logs.days import DataSet
 from rivid.types import HOUR, ONE_DAY, Floats
 
@@ -82,7 +83,7 @@ class Record:
     def flows(self) -> list[str]:
         """Columns that are discharges."""
         columns = next(iter(self.days.values())).columns if self.days else {}
-        return [name for name in ("u_Qi", "u_Qo", "Q_L") if name in columns]
+        return [name for name in FLOWS if name in columns]
 
     @property
     def balanced(self) -> bool:

@@ -46,15 +46,9 @@ def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.da
     return found or flows.outside_range()
 
 
-def _unit(config: Config, name: str) -> str:
-    """The declared unit of a column."""
-    return config.input.units.get(name, "m" if name == "h_L" else "m3/s")
-
-
 def _factors(config: Config, name: str) -> dict[str, float]:
     """Return the factor by which a column is too large if it is in another unit than the declared one."""
-    known = UNITS["level" if name == "h_L" else "flow"]
-    declared = _unit(config, name)
+    known, declared = UNITS[name], config.input.unit(name)
     return {unit: known[declared] / factor for unit, factor in known.items() if unit != declared}
 
 
@@ -118,12 +112,12 @@ class Flows:
         """Return which of two flows is in another unit, by the level or the usual range."""
         (off_large, of_large), (off_small, of_small) = self._units(large, small, ratio)
         of_large, of_small = (of_large, "") if off_large < off_small else ("", of_small)  # the nearer one
-        sound = [name for name in (large, small) if self._is_sound(name)]
+        sound, declared = [name for name in (large, small) if self._is_sound(name)], self.config.input.unit
         if of_large and sound != [large]:
             factor = self.too_large[large][of_large]
-            return "unit.factor", {"unit": of_large, "declared": _unit(self.config, large), "factor": factor}
+            return "unit.factor", {"unit": of_large, "declared": declared(large), "factor": factor}
         if of_small:
-            return "unit.declared", {"unit": of_small, "declared": _unit(self.config, small)}
+            return "unit.declared", {"unit": of_small, "declared": declared(small)}
         return "unit.twice", {"unit": of_large}
 
     def _is_sound(self, name: str) -> bool:
@@ -210,7 +204,7 @@ def _flows_of_some_days(
         odd = int(np.argmax(np.abs(np.log(np.array(gains) * record.area[0]))))
         ratio = gains[1 - odd] / gains[odd]
         if unit := _nearest(ratio, _factors(config, "u_Qi"), AREA_MARGIN)[1]:
-            values = {"ratio": ratio, "unit": unit, "declared": _unit(config, "u_Qi")}
+            values = {"ratio": ratio, "unit": unit, "declared": config.input.unit("u_Qi")}
             return [Finding("unit.flows_days", values, {date: {} for date in sorted(groups[odd])})]
     return []
 
@@ -249,7 +243,7 @@ def _level_of_some_days(record: Record, config: Config) -> list[Finding]:
     first = min(days)
     values = {
         "ratio": heights[first] / base, "height": heights[first], "date": str(first),
-        "unit": units.pop(), "declared": _unit(config, "h_L"),
+        "unit": units.pop(), "declared": config.input.unit("h_L"),
     }  # fmt: skip
     return [Finding("unit.level_days", values, days)]
 
@@ -292,7 +286,7 @@ def _against_volume(
         "ratio": ratio, "area": area, "area_of": declared or "surface_area", "is_declared": bool(declared)
     }  # fmt: skip
     if unit := _nearest(ratio, levels, margin)[1]:
-        return [Finding("unit.level", values | {"unit": unit, "declared": _unit(config, "h_L")})]
+        return [Finding("unit.level", values | {"unit": unit, "declared": config.input.unit("h_L")})]
     if unit := _nearest(1 / ratio, flows, margin)[1]:
         return [Finding("unit.flows", values | {"unit": unit})]
     if declared and not doubtful and not 1 / FAR < ratio < FAR:

@@ -118,10 +118,9 @@ def _refuse_units(table: Table, spec: Spec) -> None:
     for signal in spec.signals:
         if signal.name in spec.input.units:
             continue
-        level = signal.name == "h_L"
         for source in signal.sources:
-            unit = stated_unit(source, table.units.get(source, ""), level=level)
-            if source in present and unit and unit != ("m" if level else "m3/s"):
+            unit = stated_unit(source, table.units.get(source, ""), level=signal.name == "h_L")
+            if source in present and unit and unit != spec.input.unit(signal.name):
                 raise UndeclaredError(
                     f"{table.name}: {source!r} seems to be in {unit}: set [input.units] "
                     f'{signal.name} = "{unit}", or to what it is'

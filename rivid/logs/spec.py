@@ -149,12 +149,11 @@ def _build(config: Config) -> Spec:
         interval = given.interval.get(name)
         spacing = round((interval or reach.sample_time) * MICRO)
         ends = given.stamp.get(name) == "end"
-        factors, usual = (UNITS["level"], "m") if name == "h_L" else (UNITS["flow"], "m3/s")
         signals.append(
             Signal(
                 name=name,
                 sources=_listed(column or name),
-                factor=factors[given.units.get(name, usual)],
+                factor=UNITS[name][given.unit(name)],
                 shift=spacing if ends else 0,
                 spacing=spacing,
                 held=name in ("u_Qi", "u_Qo"),

@@ -182,7 +182,7 @@ class TestWhatSniffCannotTell:
         days = (3, 4) if "{d}" in row else (3,)
         rows = [row.format(d=d, h=h, k=h % 10) for d in days for h in range(24)]
         proposal = self.propose(tmp_path, "\n".join(["time;inflow;level", *rows]) + "\n")
-        assert (open_key in proposal.open_keys) == is_open
+        assert (open_key in dict(proposal.questions)) == is_open
         if open_key == "time_format":
             assert ('time_format = "%d/%m/%Y %H:%M"' in proposal.toml.replace("# time_format", "")) != is_open
 

@@ -131,7 +131,7 @@ def test_sniff_proposes_and_says_them(tmp_path, encoding, packed):
         path.write_bytes(gzip.compress((tmp_path / f"{DAY}.csv").read_bytes()))
     proposal = sniff(path)
     assert tomllib.loads(proposal.toml)["input"]["footer_rows"] == 2
-    assert "footer_rows" in proposal.open_keys and "'Average,,,'" in proposal.toml
+    assert "footer_rows" in dict(proposal.questions) and "'Average,,,'" in proposal.toml
     assert "footer_rows" not in sniff(put(tmp_path, encoding=encoding)).toml
 
 

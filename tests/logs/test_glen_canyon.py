@@ -32,7 +32,7 @@ def test_a_window_holds_what_the_files_hold(settings):
     days = find_days(LOGS, settings).days[100 : 100 + settings.run.window_days]
     data = read_window(LOGS, days, settings)
     table = [row for day in days for row in csv.DictReader((LOGS / f"{day.date}.csv").open())]
-    cfs = UNITS["flow"]["cfs"]
+    cfs = UNITS["u_Qi"]["cfs"]
     output = np.array([float(row[str(settings.input.Q_L)]) for row in table]) * cfs
     inflow = np.array([float(row[str(settings.input.u_Qi)] or "nan") for row in table]) * cfs
     known = np.isfinite(inflow)

@@ -64,10 +64,10 @@ def test_the_site_of_the_level_is_downstream_and_the_flows_of_the_other_are_the_
 
 def test_both_are_asked_for_and_the_other_choices_stand_below_them(proposed):
     proposal = proposed(*PLANTS)
-    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys)
+    assert {"u_Qi", "u_Qo"} <= dict(proposal.questions).keys()
     assert choices(proposal, "u_Qi") == ["MD.TOTAL.RELEASE"]
     assert choices(proposal, "u_Qo") == [list(PLANTS[:3])]
-    assert "a list is a sum" in " ".join(proposal.open_questions)
+    assert "a list is a sum" in " ".join(text for _, text in proposal.questions)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_what_names_leave_open_is_asked_with_the_way_out(proposed, names, inflow
     proposal = proposed(*names)
     found = given(proposal)
     assert (found["u_Qi"], found["u_Qo"]) == (inflow, outflow)
-    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys)
+    assert {"u_Qi", "u_Qo"} <= dict(proposal.questions).keys()
     assert outflow in choices(proposal, "u_Qi") and inflow in choices(proposal, "u_Qo")
 
 
@@ -107,7 +107,7 @@ def test_what_names_leave_open_is_asked_with_the_way_out(proposed, names, inflow
 )
 def test_names_that_say_it_are_not_asked_about(proposed, names):
     proposal = proposed(*names)
-    assert not {"u_Qi", "u_Qo"} & set(proposal.open_keys)
+    assert not {"u_Qi", "u_Qo"} & dict(proposal.questions).keys()
     assert given(proposal).get("u_Qi", "u_Qi") == names[0]
     assert given(proposal).get("u_Qo", "u_Qo") == names[1]
     assert not choices(proposal, "u_Qi")
@@ -145,19 +145,20 @@ def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected
 def test_columns_that_no_name_assigns_are_other_choices_and_not_left_out(proposed):
     proposal = proposed("XA", "XB", "level")
     assert (given(proposal)["u_Qi"], given(proposal)["u_Qo"], given(proposal)["h_L"]) == ("XA", "XB", "level")
-    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys) and "columns left out" not in proposal.toml
+    assert {"u_Qi", "u_Qo"} <= dict(proposal.questions).keys() and "columns left out" not in proposal.toml
     proposal = proposed("inflow", "level", "P1", "Temp [°C]")
     assert "u_Qo" not in given(proposal) and choices(proposal, "u_Qo") == ["P1", "Temp [°C]"]
-    assert 'u_Qo: is it P1 or Temp [°C], or "" as the outflow is not logged?' in proposal.open_questions
+    question = 'u_Qo: is it P1 or Temp [°C], or "" as the outflow is not logged?'
+    assert ("u_Qo", question) in proposal.questions
     assert given(proposed("inflow", "level"))["u_Qo"] == ""
     proposal = proposed("QZ", "QA", "W1", "rain mm")
     assert proposal.kind == "river" and choices(proposal, "h_L") == ["W1", "rain mm"]
-    assert "h_L" in proposal.open_keys
+    assert "h_L" in dict(proposal.questions)
     proposal = proposed("QZ", "QA", "W")
     assert (given(proposal)["h_L"], proposal.kind) == ("W", "pool")
 
 
 def test_two_discharges_of_a_river_are_asked_about_unless_named(proposed):
     proposal = proposed("Q1 [m3/s]", "Q2 [m3/s]")
-    assert "u_Qi" in proposal.open_keys and choices(proposal, "Q_L") == ["Q1 [m3/s]"]
-    assert "u_Qi" not in proposed("u_Qi", "Q_L").open_keys
+    assert "u_Qi" in dict(proposal.questions) and choices(proposal, "Q_L") == ["Q1 [m3/s]"]
+    assert "u_Qi" not in dict(proposed("u_Qi", "Q_L").questions)

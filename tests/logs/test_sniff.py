@@ -128,7 +128,7 @@ def test_the_unit_of_a_level_may_state_its_datum(unit, known):
 def test_a_unit_that_is_written_and_not_known_is_quoted(tmp_path):
     path = tmp_path / "export.csv"
     path.write_text(wide("time,inflow,outflow,level\n,m3/s,m3/s,rod", UP, DOWN, LEVEL))
-    questions = sniff(path, "UTC").open_questions
+    questions = [text for _, text in sniff(path, "UTC").questions]
     assert any("the unit of h_L, 'rod', is not known" in text for text in questions), questions
 
 
@@ -144,7 +144,7 @@ def test_flags_are_known_by_their_name_in_other_languages(name, tmp_path):
 def test_names_that_state_nothing_leave_questions(tmp_path):
     path = tmp_path / "export.csv"
     path.write_text(wide("", UP, DOWN, LEVEL))
-    assert {"columns", "u_Qi"} <= set(sniff(path, "UTC").open_keys)
+    assert {"columns", "u_Qi"} <= dict(sniff(path, "UTC").questions).keys()
 
 
 def test_an_export_with_the_newest_row_first_has_its_sample_time(tmp_path):
@@ -188,7 +188,7 @@ def test_codes_beside_each_value_are_its_quality_and_the_proposal_drops_what_is_
     keys = raw["input"]
     assert (keys["u_Qi"], keys["u_Qo"], keys["h_L"]) == ("UP total [m³/s]", "DN total [m³/s]", "DN level [m]")
     assert keys["good"] == ["192"] and set(keys["quality"]) == {"u_Qi", "u_Qo", "h_L"}
-    assert "good" in proposal.open_keys and "ignore" not in keys
+    assert "good" in dict(proposal.questions) and "ignore" not in keys
     outcome = ingest([path], tmp_path / "logs", parse({**raw, "input": {**keys, "max_gap": 900}}, Config))
     assert outcome.exit_code == 0
     level = [line.split(",")[3] for line in (tmp_path / "logs/2024-05-01.csv").read_text().splitlines()[1:]]
@@ -246,7 +246,7 @@ def test_seconds_in_equal_steps_from_any_begin_are_times_with_a_question(
     raw = tomllib.loads(proposal.toml)
     assert raw["input"]["time_format"] == time_format and raw["input"].get("time", "time") == name
     assert raw["reach"]["sample_time"] == pytest.approx(sample_time)
-    assert any("has no dates" in question for question in proposal.open_questions)
+    assert any("has no dates" in question for _, question in proposal.questions)
 
 
 @pytest.mark.parametrize(("name", "step"), [("sample", 1), ("t_min", 5), ("time [h]", 0.25), ("t", -1)])

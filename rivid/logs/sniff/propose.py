@@ -11,6 +11,7 @@ from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
 from rivid.logs.sniff.columns import (
     Group,
+    Questions,
     find_flags,
     find_tags,
     guess_column,
@@ -89,16 +90,13 @@ def _look(path: Path) -> Layout:
 
 
 class Proposal:
-    """The keys of `[input]` for files of one dialect, `toml`, and the questions that they leave open.
-
-    `open_questions` are what the files alone do not state, `open_keys` the keys that these are about.
-    """
+    """The keys of `[input]` for files of one dialect, `toml`, and the questions that they leave open."""
 
     def __init__(self, layouts: list[Layout], name: str, time_zone: str | None) -> None:
         self.layout = layout = layouts[0]
         self.footer = max((each.footer for each in layouts), key=len)
         self.time_zone = time_zone or layout.zone or None
-        self.questions: list[tuple[str, str]] = []
+        self.questions: Questions = []
         if unlike := sum(_kind(other) != _kind(layout) for other in layouts[1:]):
             self.ask("encoding", f"{unlike} of the files are of another kind than the first")
         sources = list({entry[0]: entry for each in layouts for entry in each.columns}.values())
@@ -134,8 +132,6 @@ class Proposal:
         if any(self.instead.values()):
             self.ask("", "the lines in comments of u_Qi and the like are other choices, in their place")
         self.toml = self._toml(name)
-        self.open_questions = [text for _, text in self.questions]
-        self.open_keys = tuple(dict.fromkeys(key for key, _ in self.questions if key))
 
     def ask(self, key: str, question: str) -> None:
         """Add a question about a key, unless it is empty."""
@@ -201,7 +197,7 @@ class Proposal:
             if len({column.unit for column in group}) > 1:
                 self.ask("units", f"the columns of {role} seem to have different units")
             elif not group[0].unit and group[0].name != role:
-                unit, text = "m" if role == "h_L" else "m3/s", stated.get(group[0].name, "")
+                unit, text = DEFAULT.unit(role), stated.get(group[0].name)
                 doubt = f"the unit of {role}, {text!r}, is not known" if text else ""
                 doubt = doubt or f"no unit is written for {role}"
                 self.ask("units", f"{doubt}: {unit} is taken unless [input.units] states another")
