@@ -95,8 +95,7 @@ def publish(delays: "pd.DataFrame", url: str, table: str) -> int:
     names = [str(name) for name in delays]
     keys = [*KEYS, "start"] if "start" in delays else list(KEYS)
     frame = delays.assign(date=delays["date"].dt.date)
-    cells = frame.astype(object).where(pd.notna(frame), None)
-    rows = [dict(zip(names, row, strict=True)) for row in cells.itertuples(index=False)]
+    rows = frame.astype(object).where(pd.notna(frame), None).to_dict("records")
     with connected(url) as connection:
         import sqlalchemy as sa
 

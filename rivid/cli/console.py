@@ -91,14 +91,14 @@ class Console:
         return timed
 
     @contextmanager
-    def steps(self, name: str) -> Iterator[Callable[[str], None]]:
-        """Yield a function to call with the name of each step as it begins; `name` is the first step.
+    def steps(self) -> Iterator[Callable[[str], None]]:
+        """Yield a function to call with the name of each step as it begins; the first is "starting".
 
         After ten seconds, steps are shown with the time since the first one. A terminal shows the current
         step only; with --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose and not self.quiet
-        current, began = name, time.perf_counter()
+        current, began = "starting", time.perf_counter()
 
         def step(text: str) -> None:
             nonlocal current

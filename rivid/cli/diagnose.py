@@ -47,7 +47,7 @@ def command(
     place = results(out, config, data_dir)
     console.begin(("logs", data_dir), ("settings", config or "Table I"), ("model", model), ("results", place))
     settings = load_config(config)
-    with console.steps("starting") as step:
+    with console.steps() as step:
         step("reading the logs")
         diagnosed = diagnose(
             data_dir, settings, first=first, last=last, model=model,

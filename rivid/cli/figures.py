@@ -73,7 +73,7 @@ def _paper(
 
     default = (CASCADE, Path(__file__).parents[2] / CASCADE)
     given = list(cascade) or [path for path in default if path.is_file()][:1]
-    with console.steps("starting") as step:
+    with console.steps() as step:
         step("reading the logs")
         year = read_run(out, logs)
         step("estimating")

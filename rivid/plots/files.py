@@ -12,9 +12,8 @@ from typing import Any
 class FigureFile:
     """A figure that has been written."""
 
-    kind: (
-        str  # as in `draw.FIGURES` or `diagnosis.KINDS`, fir_day, season, delay_law; "9" for one of the paper
-    )
+    #: as in `draw.FIGURES` or `diagnosis.KINDS`, fir_day, forecast, season, delay_law; "9" is of the paper
+    kind: str
     estimator: str  # empty where it shows all of them
     path: Path  # of the PNG; one of the paper has an SVG of the same name as well
     title: str

@@ -16,7 +16,7 @@ Panel = tuple[float, Callable[[Axes], Any]]  # height [inch], and the function t
 Curve = tuple[Floats, str, str]  # values, colour and label
 
 
-def picture(title: str, note: str, panels: Sequence[Panel], between: float = 0.34) -> Picture:
+def picture(title: str, note: str, panels: Sequence[Panel], between: float) -> Picture:
     """Return a figure with a title, a note, and panels below each other, `between` apart [inch]."""
     with style.styled():
         heights = [tall for tall, _ in panels]

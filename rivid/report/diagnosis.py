@@ -55,7 +55,7 @@ def write_diagnosis(
     evidence: Evidence | None,
     *,
     draw: bool = True,
-    reach: str = "",
+    reach: str = "Reach",
     classes: Mapping[str, type[Effect]] | None = None,
 ) -> Path:
     """Write the page (returned), diagnosis.json, unexplained_inflow.parquet and figures/diagnosis_*.png.
@@ -73,7 +73,7 @@ def write_diagnosis(
     river = record is not None and record.kind == "river"
     context = {
         "d": shown,
-        "reach": reach or ("River reach" if river else "Reach"),
+        "reach": reach,
         "record": record,
         "output": "discharge" if river else "level",
         "ranking": quantities.explanations(diagnosis.ranking, diagnosis.verdict),

@@ -78,13 +78,13 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     }
 
 
-def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
-    """Return round numbers inside a range, at most so many, each with its text."""
+def ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """Return round numbers inside a range of at most six steps, each with its text."""
     power, size = next(
         (power, size)
         for power in range(-3, 9)
         for size in (1, 2, 5)
-        if (high - low) / (size * 10.0**power) <= most
+        if (high - low) / (size * 10.0**power) <= 6
     )
     step = size * 10.0**power
     found = (k * step for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1))

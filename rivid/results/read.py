@@ -40,9 +40,7 @@ class EstimatorResults:
     t50: Floats  # of rivers: lag by which half of a step has arrived, [samples]
     fir: Floats  # (n, M) [output unit per m3/s]; M is 0 without impulse responses
     candidates: Floats  # delays tried [samples], (K,)
-    criterion: (
-        Floats  # of each, (n, K): of CUSUM its g at lag d + 1, high after a change, of posteriors p(d|y)
-    )
+    criterion: Floats  # of each, (n, K): of CUSUM g at lag d + 1, high after a change; of posteriors p(d|y)
     alpha: Floats
     noise_sd: Floats
     roughness_sd: Floats

@@ -130,7 +130,7 @@ def test_steps_are_printed_as_they_begin_or_timed_as_they_end(capsys, monkeypatc
         ({"verbose": True}, "    2.50 s  starting\n    0.50 s  one\n    1.00 s  two\n"),
         ({"quiet": True}, ""),
     ):
-        with Console(**options).steps("starting") as step:
+        with Console(**options).steps() as step:
             now += 2.5
             step("one")
             now += 0.5
@@ -144,7 +144,7 @@ def test_a_step_is_shown_with_the_time_since_the_first_and_no_time_left(terminal
     now = 100.0
     monkeypatch.setattr("rivid.cli.console.time.perf_counter", lambda: now)
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
-    with Console().steps("starting") as step:
+    with Console().steps() as step:
         for k, past in enumerate((2.0, 12.0, 91.0, 510.0)):
             now = 100.0 + past
             step(f"round {k} of 4 at most: refitting {'a very long name ' * (9 if k == 3 else 0)}")
