@@ -14,7 +14,7 @@ from rivid.config import Config
 from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_series
 from rivid.logs.spec import MICRO, day_bounds
-from rivid.results.store import described, safe_for_spreadsheets, to_table, write_csv, write_parquet
+from rivid.results.store import described, safe_for_spreadsheets, to_table
 from rivid.types import Bools, Ints
 
 SCHEMA, MEANINGS = described("""
@@ -102,12 +102,6 @@ def read_maintenance(path: Path) -> list[dt.date]:
     if not found:
         raise ConfigError(f"{path}: no line begins with a date: expected such as 2008-03-14 gauge moved")
     return found
-
-
-def write_flags(table: pa.Table, out: Path) -> None:
-    """Write flags.csv and flags.parquet into a directory, each atomically."""
-    write_parquet(table, out / "flags.parquet")
-    write_csv(table, out / "flags.csv")
 
 
 def explained(report: Report, dates: Iterable[dt.date]) -> Report:

@@ -56,6 +56,7 @@ def command(
     from rivid.config import load_config
     from rivid.fleet.layout import find_fleet
     from rivid.logs.days import now_at
+    from rivid.results.store import write_both
 
     given, config = config, configuration(config, data_dir, console)
     console.begin(("logs", data_dir), ("settings", config or "Table I"))
@@ -70,7 +71,7 @@ def command(
     if maintenance is not None:
         report = of_values.explained(report, of_values.read_maintenance(maintenance))
     if flags is not None:
-        of_values.write_flags(of_values.flags(report, data_dir, settings), flags)
+        write_both(of_values.flags(report, data_dir, settings), flags / "flags")
     console.phase("reading and checking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))

@@ -7,7 +7,7 @@ from typing import Any
 from rivid.config import Config
 from rivid.forecast import Forecast
 from rivid.report.page import data_uri, write_page
-from rivid.results.store import described, finite, to_table, write_csv, write_parquet
+from rivid.results.store import described, finite, to_table, write_both
 from rivid.types import HOUR
 
 SCHEMA, MEANINGS = described("""
@@ -44,9 +44,7 @@ def columns(found: Forecast, config: Config) -> dict[str, list[Any]]:
 
 def write_tables_of(found: Forecast, config: Config, out: Path) -> None:
     """Write forecast.csv and forecast.parquet into OUT, each atomically."""
-    table = to_table(columns(found, config), SCHEMA)
-    write_parquet(table, out / "forecast.parquet")
-    write_csv(table, out / "forecast.csv")
+    write_both(to_table(columns(found, config), SCHEMA), out / "forecast")
 
 
 def lines(found: Forecast, config: Config) -> list[str]:

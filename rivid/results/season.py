@@ -20,7 +20,7 @@ from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import stamp_doubt
 from rivid.results.read import matrix, refuse_parts
-from rivid.results.store import described, finite, to_table, write_csv, write_parquet
+from rivid.results.store import described, finite, to_table, write_both, write_csv
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000  # most calendar days of a season: one wrong date in a log must not exhaust the memory
@@ -236,9 +236,7 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
         "delay_s": joined.travel, "probability": joined.sure, "delay_low": joined.low,
         "delay_high": joined.high, "observed": joined.observed, "direction": [joined.direction] * n,
     }  # fmt: skip
-    table = to_table(columns, SCHEMA)
-    write_parquet(table, out / "season.parquet")
-    write_csv(table, out / "season.csv")
+    write_both(to_table(columns, SCHEMA), out / "season")
     classes = dict(zip(LAW_SCHEMA.names, vars(law.table).values(), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
     values = {name: v for name, v in asdict(law).items() if name not in ("table", "doubt")}

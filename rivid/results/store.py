@@ -149,6 +149,12 @@ def write_csv(table: pa.Table, path: Path) -> None:
         pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
 
 
+def write_both(table: pa.Table, stem: Path) -> None:
+    """Write a table as Parquet and CSV, each atomically; `stem` is the path without its ending."""
+    write_parquet(table, stem.with_suffix(".parquet"))
+    write_csv(table, stem.with_suffix(".csv"))
+
+
 def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)) -> pa.Table:
     """Prefix text that a spreadsheet would evaluate as a formula with an apostrophe."""
     for name in columns:
