@@ -225,7 +225,7 @@ class RunConfig(Section):
         Field(ge=0, le=1),
         Means("an inflow that moves by less than this share of its largest value counts as still"),
     ] = 1e-4
-    # where, not what: the command line reads it, relative to the file; nothing that is estimated hangs on it
+    # not part of as_used(): the command line reads it, and no result depends on it
     out: Annotated[
         Annotated[str, Field(max_length=4096)] | None,
         Means("directory of the results, relative to the configuration; `--out` goes over it"),
@@ -272,7 +272,7 @@ class RunConfig(Section):
 
 
 class DiagnoseConfig(Section):
-    """`[diagnose]`: what a diagnosis may look for, and what it knows of the channel."""
+    """`[diagnose]`: what a diagnosis may look for, and what is known of the channel."""
 
     slope: Annotated[
         Annotated[float, Field(ge=0, le=0.05)] | None,

@@ -1,4 +1,4 @@
-"""`[input]` of the configuration: what the log files look like, and what cannot be meant."""
+"""`[input]` of the configuration: what the log files look like; contradictory keys are refused."""
 
 import datetime as dt
 import re

@@ -95,7 +95,10 @@ def _report(
     out: Path, outcomes: "Sequence[Outcome]", name: str | None, computed: int | None, as_json: bool,
     console: Console,
 ) -> None:  # fmt: skip
-    """Write the files of the fleet and print its summary; no `name` and `computed`: written again."""
+    """Write the files of the fleet and print its summary.
+
+    `name` is of DATA_DIR, `computed` the data sets that this run has estimated; None of `rivid fleet`.
+    """
     from rivid.fleet.report import write_fleet
 
     summary = write_fleet(out, outcomes, name)
@@ -111,7 +114,7 @@ def _reaches(n: int) -> str:
 
 
 def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
-    """Print the counts of fleet.json and name the reaches to look at; `computed` as for :func:`_report`."""
+    """Print the counts of fleet.json and name the reaches to look at; `computed` as of :func:`_report`."""
     from rivid.fleet.report import minute
 
     now = "" if computed is None else f", {computed:,} estimated now"
@@ -127,7 +130,7 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
         *([("changed", f"changed since the report of {since}")] if since else []),
     ):
         names = summary[kind]
-        listed = ", ".join([*map(abbreviate, names[:MOST_LINES]), *["..."][: len(names) > MOST_LINES]])
+        listed = ", ".join(map(abbreviate, names[:MOST_LINES])) + (", ..." if len(names) > MOST_LINES else "")
         text = f"{len(names):,} {words}" + (f": {listed}" if names and kind != "changed" else "")
         click.echo(click.style(wrap(text, 2), fg="red" if names and kind == "failing" else None))
     click.echo(f"report: {out / 'fleet.html'}")

@@ -36,7 +36,7 @@ class Reach:
 
     @property
     def name(self) -> str:
-        """That of its directory of logs."""
+        """Name of its directory of logs."""
         return self.data_dir.name
 
     def config(self) -> "Config":

@@ -48,7 +48,7 @@ _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
 
 
 class ValueStatus(IntEnum):
-    """What became of a value; of those that are not used, :data:`REASONS` are the names."""
+    """Whether a value is used, or why not; :data:`REASONS` are the names of the reasons."""
 
     USED, MISSING, STATUS, FLAG, SENTINEL, TIME, DUPLICATE = range(7)
     UNMATCHED, BETWEEN, REFUSED, PENDING, OUTSIDE, STANDING, UNREADABLE = range(7, 14)
@@ -84,7 +84,7 @@ def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[T
         _refuse_units(table, spec)
     found = {name for table in tables for columns in table.parts for name in columns.numbers}
     for table in tables:
-        # an export of other tags is no fault; one that was to be read, and of which no row can be, is
+        # a file of other tags only is no fault; a file of these without a usable row is
         if table.lacking and (not found or not table.others):
             raise UndeclaredError(f"{table.name}, {table.lacking}")
     for role, source in ((signal.name, source) for signal in spec.signals for source in signal.sources):
@@ -141,7 +141,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
         times, wrong = in_utc(columns, zone, spec)
         rows = [fault.at for fault in wrong]
         wrong += suspect(columns, times, spec, zone)
-        # of a row that cannot be read the day is not known: it counts for those of both neighbours
+        # the day of an unreadable row is not known: the row counts for the days of both neighbours
         wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
         places = [int(times[min(max(fault.at, 0), len(times) - 1)]) for fault in wrong]
         faults += {f._replace(at=at, text=f"{file}, {f.text}") for at, f in zip(places, wrong, strict=True)}

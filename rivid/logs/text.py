@@ -372,7 +372,7 @@ class RowReader:
         }
         """Places of the value and of its flag, -1 where there is none, by column."""
         self.columns = {name: [name] for name in self.cells} if spec.long else {"": [*self.cells]}
-        """Columns of each tag of the long layout; under "" those of the wide. So are the rows and faults."""
+        """Columns by tag; all of the wide layout under "". Rows and faults have the same keys."""
         self.rows: dict[str, list[Row]] = {group: [] for group in self.columns}
         self.bad: dict[str, list[Fault]] = {group: [] for group in self.columns}
         self.why: dict[str, dict[int, str]] = {name: {} for name in self.cells}

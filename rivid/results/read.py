@@ -27,7 +27,7 @@ SCHEMA_VERSION = 1  # version of the results contract; a reader refuses a newer 
 class EstimatorResults:
     """Results of one estimator by day, in date order: n rows, failed days included; NaN where it has none.
 
-    None for what it gives on no day. What has no comment is the column of that name in delays.csv.
+    A field is None where no day has a value. One without comment is the column of that name in delays.csv.
     """
 
     estimator: str
@@ -124,7 +124,7 @@ def reaches_in(out: Path) -> list[str]:
 def no_run(out: Path, lacks: str = RECORD) -> NoDataError:
     """The error for a directory without the results of a run; of a fleet's OUT it names the reaches."""
     if names := reaches_in(out):
-        listed = ", ".join([*names[:12], *["..."][: len(names) > 12]])
+        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         return NoDataError(
             f"{out} holds no run of its own but those of {listed}: give the directory of one, "
             f"such as {out / names[0]}"
