@@ -18,7 +18,8 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.diagnosis.calibrated import ReachModel, load_model, reached
 from rivid.errors import ConfigError, NoDataError
-from rivid.results.read import no_run, reaches_in
+from rivid.results.read import last_record, no_run, reaches_in
+from rivid.results.season import settings_of
 from rivid.results.store import finite
 from rivid.text import duration
 from rivid.types import DAY, HOUR, Floats
@@ -220,7 +221,8 @@ def _rtc_tools(source: Path, out: Path, _: float) -> list[Path]:
 def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     """Rows of delay_law.csv, discharge classes [m3/s] and their travel times [s]; and delay_law.json.
 
-    NoDataError where `rivid season` has not written it.
+    NoDataError where `rivid season` has not written it; ConfigError where the last run has another reach or
+    other settings.
     """
     try:
         texts = [(source / f"delay_law.{kind}").read_text(encoding="utf-8") for kind in ("csv", "json")]
@@ -233,6 +235,12 @@ def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     rows = list(csv.DictReader(io.StringIO(texts[0])))
     found = [{key: float(value) for key, value in row.items() if value} for row in rows]
     about = json.loads(texts[1])
+    run = last_record(source)
+    if run and settings_of(run) != about.get("settings", settings_of(run)):
+        raise ConfigError(
+            f"{source}: its law (of {about['reach']}, {about['first']} to {about['last']}) is older than its "
+            f"last run (of {run['reach']}), with other settings: run `rivid season {source}` first"
+        )
     if not found:
         raise NoDataError(f"{source}: no law of delay and discharge: {about['message']}")
     return found, about

@@ -13,7 +13,10 @@ Column = str | list[str]
 FLOWS = ("u_Qi", "u_Qo", "Q_L")
 """Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
 
-FLOW_UNITS = {"m3/s": 1.0, "cfs": 0.028316846592, "kcfs": 28.316846592, "L/s": 1e-3, "m3/h": 1 / 3600}
+FLOW_UNITS = {
+    "m3/s": 1.0, "cfs": 0.028316846592, "kcfs": 28.316846592, "L/s": 1e-3, "m3/h": 1 / 3600, "m3/min": 1 / 60,
+    "ML/d": 1e3 / 86400, "MGD": 3785.411784 / 86400,
+}  # fmt: skip
 LEVEL_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
 UNITS = {"u_Qi": FLOW_UNITS, "u_Qo": FLOW_UNITS, "h_L": LEVEL_UNITS, "Q_L": FLOW_UNITS}
 """Factors to m3/s, or to m, of the units that `[input.units]` accepts, by canonical column."""
@@ -134,7 +137,8 @@ class InputConfig(Section):
         ),
     ] = {}
     units: Annotated[
-        dict[str, str], Means("of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
+        dict[str, str],
+        Means("of a column: `" + "`, `".join(FLOW_UNITS) + "`; `" + "`, `".join(LEVEL_UNITS) + "`"),
     ] = {}
     stamp: Annotated[
         dict[str, Literal["instant", "start", "end"]],

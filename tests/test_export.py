@@ -20,6 +20,7 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError, NoDataError
 from rivid.export import FORMATS, export, law_of, routing, state_space
+from rivid.results.season import settings_of
 from tests.diagnosis.responses import nominal, river_record, season
 from tests.run.test_run import rivid as command
 
@@ -227,6 +228,19 @@ def test_delays_by_discharge(joined):
     rows = list(csv.DictReader(paths[0].read_text().splitlines()))
     assert [float(r["delay_s"]) for r in rows] == [7300.0, 3500.0] and law_of(joined)[0][1]["n"] == 60.0
     assert json.loads(paths[1].read_text())["written_by"] == f"rivid {rivid.__version__}"
+
+
+def test_a_law_of_another_run_is_refused(joined):
+    config = {"input": {"units": {}}, "reach": {"name": "gorge"}, "posterior": {}}
+    run = {"reach": "gorge", "config": config}
+    law = {"reach": "gorge", "first": "2008-01-01", "last": "2008-12-31", "settings": settings_of(run)}
+    (joined / "delay_law.json").write_text(json.dumps(law))
+    (joined / "run.json").write_text(json.dumps(run | {"schema_version": 1}))
+    assert law_of(joined)
+    other = run | {"config": config | {"input": {"units": {"u_Qi": "cfs"}}}}
+    (joined / "run.json").write_text(json.dumps(other | {"schema_version": 1}))
+    with pytest.raises(ConfigError, match="is older than its last run .* run `rivid season"):
+        export(joined, joined / "to", "csv")
 
 
 def test_a_season_without_a_law_has_its_reason(joined):

@@ -231,13 +231,30 @@ class TestDays:
 
     @pytest.mark.parametrize(
         ("column", "cell", "reason"),
-        [(1, "4e6", "beyond any river"), (3, "-777", "set [input] sentinels = [-777]")],
+        [
+            (1, "4e6", "is beyond any river: check [input.units], or, if it means"),
+            (1, "4e6", "set [input] sentinels = [4000000]"),
+            (3, "-777", "set [input] sentinels = [-777]"),
+        ],
     )
     def test_a_value_that_is_none_refuses_its_day_only(self, tmp_path, column, cell, reason):
         rows = wide(192)
         rows[9][column] = cell
         outcome = go(tmp_path, rows)
         assert statuses(outcome) == ["refused", "written"] and reason in outcome.days[0].reason
+
+    def test_a_rate_in_an_unknown_unit_is_refused(self, tmp_path):
+        names = {"u_Qi": "in (gal/min)", "u_Qo": "out", "h_L": "level"}
+        with pytest.raises(
+            ConfigError, match=r"seems to be in gal/min: expected one of m3/s, cfs, .* convert it"
+        ):
+            go(tmp_path, wide(), head="time,in (gal/min),out,level", **names)
+        assert go(tmp_path, wide(), head="time,in (gal/min),out,level", **names, units={"u_Qi": "L/s"})
+
+    def test_a_clock_without_daylight_saving_is_suggested(self, tmp_path):
+        rows = wide(first=dt.date(2008, 3, 30), zone="")
+        outcome = go(tmp_path, rows, time_zone="Europe/Paris")
+        assert 'no daylight saving, set [input] time_zone = "Etc/GMT-1"' in outcome.days[0].reason
 
     def test_a_river_and_a_pool_without_outflow(self, tmp_path):
         rows = [[t, i, o] for t, i, o, _ in wide()]

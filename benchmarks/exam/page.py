@@ -120,7 +120,14 @@ def reliability(judged: Sequence[Judged]) -> str:
             f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{said:.2f}", written(hits, n),
             "#" * round(20 * hits / n), "yes" if near else "no",
         ])  # fmt: skip
-    heads = ["probability", "names", "mean", "right (Wilson 95 %)", "share", f"interval, {RELIABLE:g} wider, holds the mean"]
+    heads = [
+        "probability",
+        "names",
+        "mean",
+        "right (Wilson 95 %)",
+        "share",
+        f"interval, {RELIABLE:g} wider, holds the mean",
+    ]
     return table(heads, lines)
 
 
@@ -182,7 +189,9 @@ FACTORS: dict[str, Callable[[Result], str]] = {
     "programme": lambda r: str(r["truth"]["world"]["programme"]),
     "sample time": _binned("sample_time_s", (133.0, 300.0), "s"),
     "gauge step": _binned("gauge_step_m", (0.0015, 0.004, 0.008), "m"),
-    "stilling well": lambda r: _binned("well_s", (60.0,), "s")(r) if r["truth"]["world"]["well_s"] else "none",
+    "stilling well": lambda r: (
+        _binned("well_s", (60.0,), "s")(r) if r["truth"]["world"]["well_s"] else "none"
+    ),
     "length": _binned("length_m", (4000.0, 9000.0), "m"),
     "days": _binned("days", (50.0, 80.0), "days"),
     "weather": _binned("weather_share", (0.006, 0.012), "of the flow"),

@@ -53,7 +53,7 @@ TEXTS = {
     "{small}, or check its source",
     "unit.range": f"the median of {{flows:median}} is far outside {_RANGE}: check [input.units]",
     "unit.range_unit": f"the median of {{flows:median}} is far outside {_RANGE}: check [input.units] "
-    '("{unit}" would give {flows:converted} m3/s)',
+    '("{unit}" would give {flows:converted} m3/s{also:also})',
     "unit.level_span": "h_L moves by {span:.4g} m over the record, more than {limit:g} m; check "
     "[input.units] h_L and [input] sentinels",
     "unit.level_days": "h_L is {ratio:times} times that of the other days ({height:.4g} m on {date}): is it "
@@ -67,6 +67,8 @@ TEXTS = {
     "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, the units, and that no part of "
     "a flow is missing",
     "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check them",
+    "balance.level": "h_L does not follow the flows: with [reach] surface_area = {area:.2g} m2 their volume "
+    "would move it {ratio:times} times as much: is it the level of this pool?",
     "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
     "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "
     "travel-time bounds do not cover these flows",
@@ -296,6 +298,7 @@ SPECIFIED: dict[str, Callable[[Any], str]] = {
     "times": times,
     "multiple": lambda x: f"{times(x)} times as much as" if x > 1 else f"{times(1 / x)} times less than",
     "interval": lambda ends: " to ".join(f"{end:g}" for end in dict.fromkeys(ends)),
+    "also": lambda units: f"; {' and '.join(units)} would fit, too" if units else "",
     "default": lambda declared: "" if declared else " (not declared: that of Table I)",
 }
 """Numbers of the templates, by format specification."""

@@ -176,11 +176,26 @@ class Fits:
 
     def of(self, dates: Iterable[dt.date], shift: tuple[int, int] = (0, 0)) -> tuple[Fit, Fit]:
         """Return the fits to some days at once, the right way round and reversed; `shift` as in `sums`."""
+        total = self._total(dates, shift)
+        return (NO_FIT, NO_FIT) if total is None else (self.best(total), self.best(total, -1))
+
+    def _total(self, dates: Iterable[dt.date], shift: tuple[int, int] = (0, 0)) -> Sums | None:
+        """Return the sums over some days; None without any."""
         every = [sums for date in dates if (sums := self.sums(date, *shift)) is not None]
-        if not every:
-            return NO_FIT, NO_FIT
-        total = tuple(sum(terms[1:], terms[0]) for terms in zip(*every, strict=True))
-        return self.best(total), self.best(total, -1)
+        return tuple(sum(terms[1:], terms[0]) for terms in zip(*every, strict=True)) if every else None
+
+    def volume(self) -> float:
+        """Return the least RMS of the net volume at any lags, over that of the level's moves [m2].
+
+        0 if one of the flows does not move.
+        """
+        total = self._total(self.right)
+        if total is None or total[0] <= 0:
+            return 0.0
+        yy, _, _, of_in, of_out, between = total
+        if min(of_in.max(), of_out.max()) <= SINGULAR * max(of_in.max(), of_out.max()):
+            return 0.0
+        return float(np.sqrt((of_in[:, None] + of_out - 2.0 * between).min() / yy))
 
     def without(self, dates: Collection[dt.date]) -> Fit:
         """Return the fit to all other days."""

@@ -12,6 +12,7 @@ from rivid.config import Config
 from rivid.input_config import UNITS
 
 # Flows
+RARE = ("m3/min", "MGD")  # units that are not suggested: their factors are within twice that of another
 FLOW_MARGIN = 1.2  # tolerance of a unit's factor between two flows [ratio]: gains, losses and storage
 MOVES = 3.0  # tolerance between the ratios of means and of moves: a unit scales both, a reservoir does not
 OPEN = 1.5  # smallest ratio of inflow and outflow of an open balance
@@ -49,7 +50,7 @@ def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.da
 def _factors(config: Config, name: str) -> dict[str, float]:
     """Return the factor by which a column is too large if it is in another unit than the declared one."""
     known, declared = UNITS[name], config.input.unit(name)
-    return {unit: known[declared] / factor for unit, factor in known.items() if unit != declared}
+    return {u: known[declared] / factor for u, factor in known.items() if u not in (declared, *RARE)}
 
 
 def _nearest(ratio: float, factors: dict[str, float], margin: float) -> tuple[float, str]:
@@ -156,6 +157,7 @@ class Flows:
         least, most = low / RANGE_MARGIN, high * RANGE_MARGIN
         far: dict[str, list[dict[str, str | float]]] = defaultdict(list)
         dates: dict[str, set[dt.date]] = defaultdict(set)
+        also: dict[str, list[str]] = {}
         for name, means in self.means.items():
             there = {d: q for d, q in means.items() if not least <= abs(q) <= most}
             flow = float(np.median([*there.values()])) if there else 0.0
@@ -168,10 +170,14 @@ class Flows:
             converted: dict[str, str | float] = {"converted": fitting[unit]} if unit else {}
             far[unit].append({"column": name, "median": flow, **converted})
             dates[unit] |= there.keys()
+            also[unit] = [u for u in fitting if u != unit and u in also.get(unit, fitting)]
+            if unit:  # on days of less flow, too
+                factor = self.too_large[name][unit]
+                dates[unit] |= {d for d, q in means.items() if q > high and low <= q / factor <= high}
         found = []
         for unit, flows in far.items():
             days = sorted(dates[unit]) if len(dates[unit]) < len(self.record.days) else []
-            values = self.range | {"flows": flows, "unit": unit}
+            values = self.range | {"flows": flows, "unit": unit, "also": also[unit]}
             code = "unit.range_unit" if unit else "unit.range"
             found.append(Finding(code, values, {date: {} for date in days}))
         return found
@@ -274,9 +280,10 @@ def _against_volume(
 ) -> list[Finding]:
     """Compare the level's moves with the volume that came in, by the area that [reach] declares."""
     fit = fits.without(doubtful)
-    if fit.explained < BELIEVED:
-        return []
     area, declared = record.area
+    if fit.explained < BELIEVED:
+        missed = fits.volume() / area if declared and not doubtful and fit.explained < COMPARED else 0.0
+        return [Finding("balance.level", {"ratio": missed, "area": area})] if missed > FAR else []
     ratio = 0.5 * (fit.gain_in - fit.gain_out) * area
     margin = AREA_MARGIN if len(record.days) >= FEW else AREA_MARGIN_OF_FEW
     levels, flows = _factors(config, "h_L"), _factors(config, "u_Qi")

@@ -17,7 +17,12 @@ from rivid.text import count
 @shared.data_dir
 @shared.config(shared.CONFIG_OF_FLEET, shared.PATH)
 @shared.value("--flags", shared.NEW_DIRECTORY, "DIR", "Write flags of single values: flags.csv and .parquet.")
-@shared.value("--maintenance", shared.FILE, "FILE", "Dates (2008-03-14, one per line) on which the gauge was moved or cleaned.")
+@shared.value(
+    "--maintenance",
+    shared.FILE,
+    "FILE",
+    "Dates (2008-03-14, one per line) on which the gauge was moved or cleaned.",
+)
 @shared.as_json("One JSON object on stdout: every day, and a summary.")
 @shared.talk
 @shared.today

@@ -30,10 +30,10 @@ MOST_LINES = 20
 def command(out: Path, as_json: bool, console: Console) -> int:
     """Write the report of a fleet from the results of its runs or shards in OUT.
 
-    OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
-    reaches fail, where the delay has moved or does not fit the waves, which have no recent logs, which changed since
-    the report before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The
-    exit code is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
+    OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html:
+    which reaches fail, where the delay has moved or does not fit the waves, which have no recent logs,
+    which changed since the report before; fleet.csv and fleet.parquet, a row per reach; and fleet.json.
+    Nothing is estimated. The exit code is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
 
     \b
     Examples:

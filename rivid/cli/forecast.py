@@ -34,10 +34,10 @@ def command(
 ) -> int:  # fmt: skip
     """Forecast the level or discharge of the next hours, with bands of 50 and 90 %.
 
-    The reach of the model is simulated through the logs in DATA_DIR and beyond. Rows after the forecast's origin
-    with flows and no output are announced flows; without them the flows are held, and the inflow of the day
-    before is simulated as well. The weights of both, and the bands, are estimated from earlier forecasts
-    in the logs. OUT receives forecast.csv, forecast.parquet and forecast.html.
+    The reach of the model is simulated through the logs in DATA_DIR and beyond. Rows after the forecast's
+    origin with flows and no output are announced flows; without them the flows are held, and the inflow
+    of the day before is simulated as well. The weights of both, and the bands, are estimated from earlier
+    forecasts in the logs. OUT receives forecast.csv, forecast.parquet and forecast.html.
 
     Exit code: 0 a forecast, 10 no logs to forecast from.
 

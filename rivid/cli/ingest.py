@@ -3,6 +3,7 @@
 import datetime as dt
 import json
 import re
+import shlex
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -116,5 +117,5 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     shown = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
     click.echo(f"{count(len(outcome.days), 'day')}: {shown or 'none'}")
     if not dry_run and (counts["written"] or counts["identical"]):
-        click.echo(f"next: rivid check {out} --config {outcome.run_config}")
-        click.echo(f"then: rivid run {out} --config {outcome.run_config}")
+        what = f"{shlex.quote(str(out))} --config {shlex.quote(str(outcome.run_config))}"
+        click.echo(f"next: rivid check {what}\nthen: rivid run {what}")

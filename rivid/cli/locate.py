@@ -97,23 +97,21 @@ def _user(uid: int) -> str:
 def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
     """Return OUT: --out, or `[run] out` relative to the configuration, or ``out`` in this directory.
 
-    Of a fleet's directory of configurations, `[run] out` of its defaults.toml applies. ConfigError if
-    `[run] out` holds results of other logs, which the run would replace.
+    Of a fleet's directory of configurations, `[run] out` of its defaults.toml applies. ConfigError if OUT,
+    without --out, holds results of other logs, which the run would replace.
     """
     if given is not None:
         return given
-    out, logs = _configured_out(config), data_dir.resolve()
-    if out is None:
-        return Path("out")
+    configured, logs = _configured_out(config), data_dir.resolve()
+    out = configured or Path("out")
+    leads = f"[run] out leads to {out}, which" if configured else f"the default OUT, {out},"
     if (before := _logs_of(out)) not in (None, logs):  # OUT mirrors DATA_DIR: their results would be removed
         raise ConfigError(
-            f"[run] out leads to {out}, which holds results of {before}: those of {data_dir} would replace "
-            "them; give --out"
+            f"{leads} holds results of {before}: those of {data_dir} would replace them; give --out"
         )
     if (out / "fleet.json").is_file() and _logs_of(out / logs.name) == logs:
         raise ConfigError(
-            f"[run] out leads to {out}, which holds results of a fleet: for {data_dir} alone give "
-            f"--out {out / logs.name}"
+            f"{leads} holds results of a fleet: for {data_dir} alone give --out {out / logs.name}"
         )
     return out
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @shared.value("--shard", str, "I/N", "Process part I of N; a run without --shard merges the parts.")
 @shared.days("estimate")
 @shared.value(
-    "--workers", click.IntRange(1, 512), "N", "Processes that estimate and draw; default: by the number of new days."
+    "--workers", click.IntRange(1, 512), "N", "Processes that estimate and draw; default: by the work."
 )
 @shared.value(
     "--engine", shared.OneOf(["processes", "dask"]), "NAME",
@@ -61,9 +61,9 @@ def command(
     directory with a <reach>.toml for each over a defaults.toml; without --config, DATA_DIR/<reach>/rivid.toml
     overrides the rivid.toml of DATA_DIR or above it, key by key.
 
-    --shard processes one part of N: every N-th block of days of a reach, every N-th reach of a fleet. Parts
-    run at the same time, on any machines with access to OUT. The same command without --shard merges them; of a
-    fleet, `rivid fleet OUT` is enough.
+    --shard processes one part of N: every N-th block of days of a reach, every N-th reach of a fleet.
+    Parts run at the same time, on any machines with access to OUT. The same command without --shard
+    merges them; of a fleet, `rivid fleet OUT` is enough.
 
     \b
     Examples:
@@ -148,8 +148,10 @@ def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, 
 
     settings, notes = load_config(path), []
     lacking, papers = assumed(settings), ReachConfig().sample_time
-    if path and lacking:
-        notes.append(f"[reach] lacks {', '.join(lacking)}: the bounds take those of Table I")
+    missing = [*lacking, *({"sample_time"} - settings.reach.model_fields_set)]
+    if missing:
+        what = f"[reach] lacks {', '.join(missing)}:" if path else "no configuration: [reach] is"
+        notes.append(f"{what} taken from Table I")
     in_samples = settings.jmap.model_fields_set & {"order", "d_min", "d_max", "sigma_d"}
     if not lacking and settings.reach.sample_time != papers and not in_samples:
         notes.append(

@@ -6,6 +6,7 @@ The files are joined to one series per source, the sources make canonical column
 
 import datetime as dt
 import difflib
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from rivid.atomic import replacing, write_text
 from rivid.config import Config, parse
 from rivid.database import queried
 from rivid.errors import ConfigError, DataError, NoDataError
-from rivid.input_config import InputConfig
+from rivid.input_config import UNITS, InputConfig
 from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.days import OFFSETS, Grid, TimedValues, TrailingGap, make_grid, sampled
 from rivid.logs.log import (
@@ -36,7 +37,7 @@ from rivid.logs.log import (
     table_of,
     zone_of,
 )
-from rivid.logs.sniff.columns import looks_like_flags, stated_unit
+from rivid.logs.sniff.columns import bracketed, looks_like_flags, stated_unit
 from rivid.logs.spec import MANY, MICRO, Signal, Spec, clocks_change, day_bounds, is_day_file, shown, spec_of
 from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
@@ -119,8 +120,16 @@ def _refuse_units(table: Table, spec: Spec) -> None:
         if signal.name in spec.input.units:
             continue
         for source in signal.sources:
-            unit = stated_unit(source, table.units.get(source, ""), level=signal.name == "h_L")
-            if source in present and unit and unit != spec.input.unit(signal.name):
+            if source not in present:
+                continue
+            text = table.units.get(source) or bracketed(source)
+            unit = stated_unit(source, text, level=signal.name == "h_L")
+            if not unit and re.fullmatch(r"[^/ ]{1,8} ?/ ?[a-z]{1,4}", text, re.I):
+                raise UndeclaredError(
+                    f"{table.name}: {source!r} seems to be in {text}: expected one of "
+                    f"{', '.join(UNITS[signal.name])}; convert it, or set [input.units] {signal.name}"
+                )
+            if unit and unit != spec.input.unit(signal.name):
                 raise UndeclaredError(
                     f"{table.name}: {source!r} seems to be in {unit}: set [input.units] "
                     f'{signal.name} = "{unit}", or to what it is'

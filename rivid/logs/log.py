@@ -604,8 +604,12 @@ def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[
             unit, declared = "m" if signal.name == "h_L" else "m3/s", np.isin(values, given.sentinels)
             for row in np.flatnonzero((np.abs(values) * signal.factor > LARGEST) & ~declared).tolist():
                 size = f"{source} = {values[row] * signal.factor:.3g} {unit}"
-                text = f"{columns.place(row)}: {size} is beyond any river: check [input.units], or add the "
-                faults.append(Fault(row, f"{text}value to [input] sentinels"))
+                text = (
+                    f"{columns.place(row)}: {size} is beyond any river: check [input.units], or, if it means "
+                )
+                faults.append(
+                    Fault(row, f'{text}"not measured", set [input] sentinels = [{values[row]:.10g}]')
+                )
         if low > _LEAST and high < _MOST:
             continue  # no sentinel lies between
         there = ~np.isin(values, given.sentinels)

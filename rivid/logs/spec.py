@@ -229,13 +229,21 @@ def to_utc(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tup
         rows = twice[day[twice] == d]
         later[rows] = np.maximum.accumulate(np.r_[False, np.diff(naive[rows]) < 0])
     refused = [
-        (i, f"{moments[i].item()} does not exist in {zone} (clocks go forward)")
+        (i, f"{moments[i].item()} does not exist in {zone} (clocks go forward){_fixed(edges[row[i], 0])}")
         for i in np.flatnonzero(first < second).tolist()
     ]
     advice = 'clocks go back): log offsets, or set [input] ambiguous = "first", "second" or "order"'
     if ambiguous == "error":
         refused += [(i, f"{moments[i].item()} occurs twice in {zone} ({advice}") for i in twice.tolist()]
     return naive - np.where(later, second, first), refused
+
+
+def _fixed(offset: int) -> str:
+    """Advice for a clock that keeps a UTC offset [us] of whole hours."""
+    hours, rest = divmod(-int(offset), 3600 * MICRO)
+    return (
+        "" if rest else f': if the clock has no daylight saving, set [input] time_zone = "Etc/GMT{hours:+d}"'
+    )
 
 
 def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:

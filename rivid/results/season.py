@@ -20,7 +20,7 @@ from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import stamp_doubt
 from rivid.results.read import matrix, refuse_parts
-from rivid.results.store import described, finite, to_table, write_both, write_csv
+from rivid.results.store import described, digest, finite, to_table, write_both, write_csv
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000  # most calendar days of a season: one wrong date in a log must not exhaust the memory
@@ -43,6 +43,7 @@ class SeasonDays:
     discharge: Floats  # mean inflow of its data set [m3/s], if positive
     # by how much all travel times may be too long, and too short [s]: stamps that are not declared
     doubt: tuple[float, float] = (0.0, 0.0)
+    settings: str = ""  # digest of the run's settings: see settings_of
 
     def place(self, probability: Floats, share: float) -> Floats:
         """Quantile `share` of the travel time [samples] of each row, shape (n,); NaN where the row is NaN.
@@ -109,7 +110,16 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         probability=probability, delay=delay, travel=travel,
         discharge=np.where(discharge > 0.0, discharge, np.nan),
         doubt=stamp_doubt(record["config"]["input"], float(record["sample_time"]), river=river),
+        settings=settings_of(record),
     )  # fmt: skip
+
+
+def settings_of(record: Mapping[str, Any]) -> str:
+    """Digest of the settings in a run.json by which travel times change; empty without a run."""
+    config = record.get("config")
+    return (
+        digest(record["reach"], *(config[key] for key in ("input", "reach", "posterior"))) if config else ""
+    )
 
 
 @dataclass(frozen=True)
@@ -245,7 +255,7 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
     record = finite(values) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
-        "stamp_doubt_s": list(days.doubt),
+        "stamp_doubt_s": list(days.doubt), "settings": days.settings,
         "first": str(days.dates[0]), "last": str(days.dates[-1]),
     }  # fmt: skip
     write_text(out / "delay_law.json", json.dumps(record, indent=2, sort_keys=True) + "\n")

@@ -73,6 +73,23 @@ def test_both_flows_in_another_unit_from_a_date_on_are_found_by_the_level(first,
     assert finding.values["ratio"] == approx(1000, rel=0.3)
 
 
+def test_all_units_that_fit_are_listed_with_all_days():
+    days, config = sound()
+    text = str(the_one(scaled(days, CFS, "inflow", "outflow"), config, "unit.range_unit"))
+    assert text.startswith("the median of") and '("cfs" would give' in text and "ML/d would fit, too" in text
+
+
+@pytest.mark.parametrize(
+    "other", [lambda h: 0.0 * h + 118.5 + 0.001 * np.sin(np.arange(len(h))), lambda h: h[::-1]]
+)
+def test_a_level_of_another_pool_does_not_follow_the_flows(other):
+    days, config = three_weeks()
+    declared = configured(config, "reach", surface_area=config.reach.surface_area / 10)
+    foreign = [replace(day, output=other(day.output)) for day in days]
+    assert "balance.level" in {finding.code for finding in check_days(foreign, declared)}
+    assert "balance.level" not in {finding.code for finding in check_days(days, config)}
+
+
 def test_a_canal_that_is_filled_from_a_date_on_has_the_same_unit():
     days, config = three_weeks()
     few = slice(0, 10)

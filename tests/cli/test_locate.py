@@ -14,7 +14,7 @@ from rivid.cli.console import Console
 from rivid.errors import ConfigError
 from tests.daily import write_days
 
-MINE = "[reach]\nname = 'mine'\nlength = 8200\nwidth = 81.6\ndepth = 4.9\n"
+MINE = "[reach]\nname = 'mine'\nsample_time = 133\nlength = 8200\nwidth = 81.6\ndepth = 4.9\n"
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,15 @@ def put(folder, text=MINE):
 
 def column(out, name):
     return set(pq.read_table(out / "delays.parquet")[name].to_pylist())
+
+
+def test_the_default_out_does_not_replace_results_of_other_logs(logs, tmp_path, rivid):
+    other = shutil.copytree(logs, tmp_path / "other" / "logs")
+    assert rivid("run", logs, "--no-figures").code == 0
+    done = rivid("run", other, "--no-figures")
+    assert done.code == 2 and f"the default OUT, out, holds results of {logs}" in str(done.exception)
+    assert rivid("run", logs, "--no-figures").code == 0
+    assert rivid("run", other, "--no-figures", "--out", "mine").code == 0
 
 
 def test_the_nearest_applies_as_a_whole_and_is_named_on_stderr(logs, rivid):

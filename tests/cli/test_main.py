@@ -66,7 +66,7 @@ def test_a_closed_pipe_ends_it_without_a_message(words):
 
 @pytest.mark.parametrize("closed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_closed_streams_change_neither_results_nor_exit_code(tmp_path, closed):
-    words = [*REAL, "run", str(WEEK), "--out", str(tmp_path), "--no-figures", "--estimator", "ml"]
+    words = [*REAL, "run", str(WEEK), "--out", str(tmp_path), "--no-figures", "--estimator", "ml", "--quiet"]
     done = subprocess.run(words, capture_output=True, text=True, preexec_fn=lambda: os.close(closed))
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "delays.csv").is_file()
 

@@ -161,6 +161,17 @@ def test_times_without_offset_need_a_zone(tmp_path):
         read(path, parse({"reach": REACH}, Config))
 
 
+@pytest.mark.parametrize(
+    ("name", "zone"), [("Time (UTC)", "UTC"), ("Zeit [UTC+1]", "Etc/GMT-1"), ("time GMT-08:00", "Etc/GMT+8")]
+)
+def test_a_zone_in_the_name_of_the_times_is_proposed(tmp_path, name, zone):
+    rows = [f"2024-04-03 {h:02d}:00,{h},3,1" for h in range(24)]
+    (tmp_path / "export.csv").write_text("\n".join([f"{name},inflow,outflow,level", *rows]) + "\n")
+    proposal = sniff(tmp_path / "export.csv")
+    assert f'time_zone = "{zone}"' in proposal.toml and "time_zone" in dict(proposal.questions)
+    assert f'time_zone = "{zone}"' not in sniff(tmp_path / "export.csv", "Europe/Oslo").toml
+
+
 class TestWhatSniffCannotTell:
     def propose(self, tmp_path, text, name="export.csv"):
         (tmp_path / name).write_text(text)

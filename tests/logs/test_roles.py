@@ -142,17 +142,63 @@ def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected
     assert {key: found[key] for key in expected} == expected
 
 
+@pytest.mark.parametrize(
+    ("names", "inflow", "outflow", "level"),
+    [
+        # the side of the reach stands in the name
+        (
+            "Upstream Project Total Outflow (kcfs)|Downstream Project Total Outflow (kcfs)|Forebay (ft)",
+            0,
+            1,
+            2,
+        ),
+        ("Abfluss Unterlieger [m³/s]|Abfluss Oberlieger [m³/s]|Pegel Oberwasser [m ü. NN]", 1, 0, 2),
+        ("Caudal turbinado aguas arriba|Caudal turbinado aguas abajo|Nivel", 0, 1, 2),
+        ("Upper pool level (m)|Lower pool level (m)|Upper release (m3/s)|Lower release (m3/s)", 2, 3, 1),
+        ("Release Upper Weir (ML/d)|Release Lower Weir (ML/d)|Level Lower Weir (mAHD)", 0, 1, 2),
+        # the site is the last word
+        ("Débit sortant Bourg|Débit sortant Beaumont|Cote Bourg", 1, 0, 2),
+        # all that leaves
+        ("Zufluss|Turbine 1|Wehr|Pegel OW [m]", 0, (1, 2), 3),
+        ("Inflow (cfs)|Powerhouse flow (cfs)|Weir flow (cfs)|Pool level (ft)", 0, (1, 2), 3),
+        # other quantities
+        ("Upstream release (m3/s)|Unit 1 MW|Unit 1 flow (m3/s)|Headwater level (m)", 0, 2, 3),
+        ("Q amont (m3/s)|Ouverture vanne 1 (m)|Q aval (m3/s)|Cote (m)", 0, 2, 3),
+        ("Inflow temp (C)|Inflow (m3/s)|Outflow (m3/s)|Level (m)", 1, 2, 3),
+        ("Rainfall (mm)|Inflow volume (m3)|Inflow|Outflow|Stage", 2, 3, 4),
+        ("Level setpoint (m)|Level (m)|Inflow setpoint (m3/s)|Inflow (m3/s)|Outflow (m3/s)", 3, 4, 1),
+        ("Q_up|Q_dn|H_dn", 0, 1, 2),
+    ],
+)
+def test_sides_sites_and_other_quantities_decide_roles(proposed, names, inflow, outflow, level):
+    names = names.split("|")
+    found = given(proposed(*names))
+    outflow = [names[k] for k in outflow] if isinstance(outflow, tuple) else names[outflow]
+    assert (found["u_Qi"], found["u_Qo"], found["h_L"]) == (names[inflow], outflow, names[level])
+
+
+def test_a_sum_of_all_that_leaves_is_another_choice(proposed):
+    proposal = proposed("Inflow (m3/s)", "Power (m3/s)", "Fish ladder (m3/s)", "Elevation (m)")
+    assert ["Power (m3/s)", "Fish ladder (m3/s)"] in choices(proposal, "u_Qo")
+
+
+def test_units_in_brackets_are_recognised_or_asked_about(proposed):
+    proposal = proposed("Inflow (MGD)", "Outflow (m3/min)", "Level (furlong)")
+    assert given(proposal)["units"] == {"u_Qi": "MGD", "u_Qo": "m3/min"}
+    assert "the unit of h_L, 'furlong', is not known" in proposal.toml.replace("\n#  ", "")
+
+
 def test_columns_that_no_name_assigns_are_other_choices_and_not_left_out(proposed):
     proposal = proposed("XA", "XB", "level")
     assert (given(proposal)["u_Qi"], given(proposal)["u_Qo"], given(proposal)["h_L"]) == ("XA", "XB", "level")
     assert {"u_Qi", "u_Qo"} <= dict(proposal.questions).keys() and "columns left out" not in proposal.toml
     proposal = proposed("inflow", "level", "P1", "Temp [°C]")
-    assert "u_Qo" not in given(proposal) and choices(proposal, "u_Qo") == ["P1", "Temp [°C]"]
-    question = 'u_Qo: is it P1 or Temp [°C], or "" as the outflow is not logged?'
+    assert "u_Qo" not in given(proposal) and choices(proposal, "u_Qo") == ["P1"]  # a temperature is no flow
+    question = 'u_Qo: is it P1, or "" as the outflow is not logged?'
     assert ("u_Qo", question) in proposal.questions
     assert given(proposed("inflow", "level"))["u_Qo"] == ""
     proposal = proposed("QZ", "QA", "W1", "rain mm")
-    assert proposal.kind == "river" and choices(proposal, "h_L") == ["W1", "rain mm"]
+    assert proposal.kind == "river" and choices(proposal, "h_L") == ["W1"]
     assert "h_L" in dict(proposal.questions)
     proposal = proposed("QZ", "QA", "W")
     assert (given(proposal)["h_L"], proposal.kind) == ("W", "pool")

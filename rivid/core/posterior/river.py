@@ -229,7 +229,7 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
     )  # fmt: skip
 
 
-def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
+def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window | None:
     """Average over leads, noises, sine, shapes and travel times."""
     n_rows = len(u) - s.warm
     middle = float(np.mean(u))
@@ -251,6 +251,8 @@ def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
     q = np.exp((log - top) / T)
     q *= prior[:, None, None, None, :] * grids[0].prior[:, None]
     seen, unseen = float(q.sum()), float(np.exp((none - top) / T).mean())
+    if seen == 0.0:  # no response is as likely as none, to the last bit
+        return None
     q /= seen
     weight = q.sum(axis=(0, 1, 2, 3))
     once = np.einsum("cbzst,cbzst->st", q, mean)

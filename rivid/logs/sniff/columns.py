@@ -21,14 +21,17 @@ _FLOW_UNITS = (
     ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|ft3 s-1|cu\.? ?ft|00060"),
     ("m3/h", r"m3/h|m³/h"),
     ("L/s", r"l/s|lps"),
-    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|m3 ?s-1|m\^?3 ?s\^-1|cms|cumec"),
+    ("ML/d", r"ml/d(ay)?|mld|megalit(er|re)s?/d(ay)?"),
+    ("MGD", r"mgd"),
+    ("m3/min", r"m3/min|m³/min"),
+    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|m3 ?s-1|m\^?3 ?s\^-1|cms|cumec|mc/s"),
 )
 # 00060, 00065 and the like are the parameter codes of the USGS
 _LEVEL_UNITS = (
     ("ft", r"ft|feet|foot|00065|00062|62614|62615"),
     ("cm", r"cm"),
     ("mm", r"mm"),
-    ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
+    ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn|m ?ahd|msnm|m ?od"),
 )
 # what may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`
 _DATUM = r"( ?(\+|above|over|über|ü\.|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
@@ -38,6 +41,7 @@ _ROLES = (
     (
         "h_L",
         r"level|stage|niveau|c[oô]t[ea]|pegel|spiegel|wasserstand|elev|height|forebay|hauteur|livell[oi]|n[ií]vel"
+        r"|lvl|stauziel|headwater el|[ _]el$|^h[ _]|(?<![a-z])(hw|wsp)(?![a-z])"
         r"|quota|altezza|altura|idrometr|limn[ií]|plan d'eau|l[áâa]mina|^h(_l)?$|^z$"
         rf"|{TIDE}"
         r"|^w$|[._ -][hw]$|_(00065|00062|62614|62615)\b",
@@ -45,7 +49,8 @@ _ROLES = (
     (
         "u_Qo",
         r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|ablauf|abgabe|^ab$"
-        r"|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
+        r"|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien|wehr|weir|d[ée]vers|[ée]vacuateur|aliviadero"
+        r"|compuerta|sluice|powerhouse|generation"
         r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])"
         r"|(?<![a-z])valle(?![a-z])|scaric|uscent|uscita",
     ),
@@ -63,6 +68,20 @@ _SURE = {
     r"|salien|deflu|efluent",
     "flow": r"^q_l$",
 }
+# words for the upstream and the downstream side of the reach
+_UP = (
+    r"upstream|upper|amont|arriba|montante|oberlieger|oberstufe|superior|uppstr|oppstr|(?<![a-z])up(?![a-z])"
+)
+_DOWN = (
+    r"downstream|lower|aval|abajo|jusante|unterlieger|unterstufe|inferior|nedstr|(?<![a-z])(dn|down)(?![a-z])"
+)
+_PLANNED = r"set[ _-]?point|soll|consign|vorgabe"
+# names and units of other quantities than a discharge or a level
+_OTHER = (
+    r"rain|precip|niederschlag|pluie|lluvia|pioggia|chuva|temp|wind|[ée]vap|opening|ouverture|öffnung|apertura"
+    r"|leistung|puissance|potencia|potenza|energ|(?<![a-z])(mwh?|rpm)(?![a-z])|[ _]kwh?$|%"
+)
+_OTHER_UNIT = r"°?[cfk]|[kmg]?wh?|bar|hz|[ak]?v|h?m3|m³|hm³|ac-?ft|af|rpm|deg.*"
 # names of a side of the reach; other names are of a place or a device on one side or the other
 _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|monte|jusante|valle"
 
@@ -123,27 +142,42 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
     sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
+    sure = sure and not re.search(_PLANNED, name.lower())
     found = tuple(sentinels_in(np.array([*values.values()])))
     return ColumnGuess(name, role, known, found, tuple(dict.fromkeys(texts)), every, sure)
 
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     text = name.lower()
-    if not unit_text and (match := re.search(r"[\[(]([^\])]*)[\])]", name)):
-        unit_text = match[1]
+    unit_text = unit_text or bracketed(name)
+    if re.search(_OTHER, text) or re.fullmatch(_OTHER_UNIT, unit_text.strip().lower()):
+        return "", ""
     flow = stated_unit(name, unit_text, level=False)
     level = "" if flow else stated_unit("", unit_text, level=True)
     if not unit_text and not flow:  # "OWP m ü.A."; of a name that ends in mm it is rather rain
         ends = (text[match.end() :] for match in _BREAK.finditer(text))
         level = next((u for end in ends if (u := stated_unit("", end, level=True)) not in ("", "mm")), "")
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
+    side = [re.search(words, text) is not None for words in (_UP, _DOWN)]
+    if role in ("u_Qi", "u_Qo", "flow") and side[0] != side[1] and not re.search(_SURE["u_Qi"], text):
+        role = "u_Qi" if side[0] else "u_Qo"  # a dam's turbines, weirs and releases are on its side
+    if role == "h_L" and re.search(_PLANNED, text):
+        return "", ""
     if role == "h_L" and flow:
         return "flow", flow
     if role == "h_L":
         return role, stated_unit(name, unit_text, level=True)
     if level and (not role or re.search(_PLACE, text)):
         return "h_L", level  # "Oberwasser [m]"
+    if level:
+        return "", ""  # the opening of a gate
     return role or ("flow" if flow else ""), flow
+
+
+def bracketed(name: str) -> str:
+    """The text in brackets in the name of a column, usually its unit; empty for none."""
+    match = re.search(r"[\[(]([^\])]*)[\])]", name)
+    return match[1].strip() if match else ""
 
 
 def stated_unit(name: str, text: str, *, level: bool) -> str:
@@ -340,17 +374,19 @@ _NO_SITE = re.compile(
     r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cot[ea]|hauteur"
     r"|pegel|wasserstand|durchfluss|zufluss|abfluss|caudal|vaz[ãa]o|n[ií]vel|altura|portata|livello|quota|altezza"
     r"|total|sum|mean|avg"
-    r"|(u|g|t|unit|units|groupe|turbines?|gates?|spill\w*|vannes?|tor|wehr|release)\d*)"
+    r"|(u|g|t|unit|units|groupe|turbines?|gates?|spill\w*|vannes?|tor|wehr|release"
+    r"|weir|sluice|powerhouse|generation|power|compuertas?|aliviadero|[eé]vacuateur)\d*)"
 )
 """First words of names that are a quantity or a machine, not a place."""
 _TOTAL = re.compile(r"(?<![a-z])(total|sum|gesamt|summe|somme|suma|totale)(?![a-z])")
 _TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|abajo")
+_UPPER = re.compile(r"upper|superior|ober(e|er|es|stufe)(?![a-z])")
 
 
-def _outside(level: ColumnGuess) -> tuple[bool, bool]:
-    """Sort key of levels: those of the reach, of its tailwater, of the tide."""
+def _outside(level: ColumnGuess) -> tuple[bool, bool, bool]:
+    """Sort key of levels: those of the reach, of the pool above, of its tailwater, of the tide."""
     name = level.name.lower()
-    return re.search(TIDE, name) is not None, _TAILWATER.search(name) is not None
+    return tuple(re.search(words, name) is not None for words in (TIDE, _TAILWATER, _UPPER))  # type: ignore[return-value]
 
 
 Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
@@ -364,7 +400,8 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     """
     if len(columns) > 1 and not any(c.role for c in columns):
         return _by_order(columns, questions)
-    free = [c for c in columns if not c.role]
+    free = [c for c in columns if not c.role and not re.search(_OTHER, c.name.lower())]
+    free = [c for c in free if not re.fullmatch(_OTHER_UNIT, bracketed(c.name).lower())]
     named = {c.role for c in columns if c.role}
     sure = {c.role for c in columns if c.sure}
     names = " or ".join(c.name for c in free)
@@ -402,11 +439,13 @@ def _by_words(columns: list[ColumnGuess], questions: Questions) -> Roles:
         names = ", ".join(c.name for c in levels)
         questions.append(("h_L", f"h_L: which of {names} is the level at the downstream dam?"))
         instead["h_L"] = [[c] for c in levels if c is not level]
-    sites = _sites([*flows, level])
-    ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
+    sites, ends = (_sites([*flows, level], backwards) for backwards in (False, True))
+    found = _by_site(flows, level, sites) or _by_site(flows, level, ends)
+    ins, outs, why = found or _by_name(flows, sites)
     if not ins:
         questions.append(("u_Qi", NO_INFLOW))
-    elif (len(flows) > 1 or not ins[0].sure) and not _unmistakable(ins, outs, flows):
+    doubt = len(outs) > 1 if not ins else len(flows) > 1 or not ins[0].sure
+    if doubt and not _unmistakable(ins, outs, flows):
         for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
             names = ", ".join(c.name for c in group)
             if len(group) > 1:
@@ -450,9 +489,14 @@ def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:
     return len(ins) == 1 and len(outs) <= 1 and ins == sure_in and outs == sure_out
 
 
-def _sites(columns: Group) -> dict[str, str]:
-    """The site of each column by its name: the first word that they do not all share; empty for none."""
+def _sites(columns: Group, backwards: bool = False) -> dict[str, str]:
+    """The site of each column by its name: the first word that they do not all share; empty for none.
+
+    Or, backwards, the last word.
+    """
     words = {c.name: _BREAK.split(re.sub(r"[\[(].*", "", c.name).strip().lower()) for c in columns}
+    if backwards:
+        words = {name: parts[::-1] if not parts[-1].isdigit() else [] for name, parts in words.items()}
     shared = 0
     while all(len(w) > shared + 1 for w in words.values()) and len({w[shared] for w in words.values()}) == 1:
         shared += 1
@@ -467,12 +511,13 @@ def _by_site(
     here = sites[level.name]
     others = [sites[c.name] for c in flows if sites[c.name] not in ("", here)]
     own = [c for c in flows if sites[c.name] == here]
-    if not here or not own or not others:
+    if not here or not others or all(c.sure and c.role == "u_Qi" for c in own):
         return None
     outs = _leaving(own)
     ins = _leaving([c for c in flows if sites[c.name] == others[0]])
     # the names as they are written, up to the site
-    that, this = (c.name[: c.name.lower().find(sites[c.name]) + len(sites[c.name])] for c in (ins[0], level))
+    words = ((c.name, rf"(?<![^\W\d_]){re.escape(sites[c.name])}(?![^\W\d_])") for c in (ins[0], level))
+    that, this = (name[: m.end() if (m := re.search(word, name.lower())) else None] for name, word in words)
     return ins, outs, (f"of {that}, not of the level's site", f"of {this}, as the level")
 
 
@@ -505,8 +550,12 @@ def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dic
     """What else the inflow and the outflow may be: each other, all of another site, any other column."""
     named = dict.fromkeys(filter(None, (sites[c.name] for c in flows)))
     whole = [_leaving([c for c in flows if sites[c.name] == site]) for site in named]
-    left = [[c] for c in flows if c not in ins and c not in outs]
-    return {"u_Qi": _distinct([outs, *whole, *left], ins), "u_Qo": _distinct([ins, *whole, *left], outs)}
+    left, rest = [[c] for c in flows if c not in ins and c not in outs], [c for c in flows if c not in ins]
+    rest = rest if len({sites[c.name] for c in rest} - {""}) < 2 else []  # no sum is of two sites
+    return {
+        "u_Qi": _distinct([outs, *whole, *left], ins),
+        "u_Qo": _distinct([rest, ins, *whole, *left], outs),
+    }
 
 
 def _distinct(groups: Sequence[Group], but: Group) -> list[Group]:

@@ -1,6 +1,7 @@
 """Propose an `[input]` block for a foreign export, and list in comments what could not be decided."""
 
 import json
+import re
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from rivid.logs.formats import as_text
 from rivid.logs.sniff.columns import (
     Group,
     Questions,
+    bracketed,
     find_flags,
     find_tags,
     guess_column,
@@ -97,6 +99,9 @@ class Proposal:
         self.footer = max((each.footer for each in layouts), key=len)
         self.time_zone = time_zone or layout.zone or None
         self.questions: Questions = []
+        if not self.time_zone and not layout.zoned and (stated := _zone_in(layout)):
+            self.time_zone = stated
+            self.ask("time_zone", f"its times are in {stated}: by the name of their column")
         if unlike := sum(_kind(other) != _kind(layout) for other in layouts[1:]):
             self.ask("encoding", f"{unlike} of the files are of another kind than the first")
         sources = list({entry[0]: entry for each in layouts for entry in each.columns}.values())
@@ -197,7 +202,7 @@ class Proposal:
             if len({column.unit for column in group}) > 1:
                 self.ask("units", f"the columns of {role} seem to have different units")
             elif not group[0].unit and group[0].name != role:
-                unit, text = DEFAULT.unit(role), stated.get(group[0].name)
+                unit, text = DEFAULT.unit(role), stated.get(group[0].name) or bracketed(group[0].name)
                 doubt = f"the unit of {role}, {text!r}, is not known" if text else ""
                 doubt = doubt or f"no unit is written for {role}"
                 self.ask("units", f"{doubt}: {unit} is taken unless [input.units] states another")
@@ -277,6 +282,13 @@ class Proposal:
         lines += ["", "# Not decided:"]
         lines += [line for _, text in self.questions for line in _comment(text, "# - ")]
         return "\n".join(lines) + "\n"
+
+
+def _zone_in(layout: Layout) -> str:
+    """The zone that the name of the time's column states, as `Time (UTC+1)`; empty for none."""
+    name = " ".join(layout.names[i] for i in layout.time_at)
+    match = re.search(r"\b(?:utc|gmt) ?(?:([+-]\d{1,2})(?::?00)?)?(?![\w:+-])", name, re.I)
+    return "" if not match else f"Etc/GMT{-int(match[1]):+d}" if match[1] and int(match[1]) else "UTC"
 
 
 def _kind(layout: Layout) -> tuple[Any, ...]:
