@@ -6,6 +6,7 @@ Shared by figures, pages and the terminal; imports nothing heavy.
 import datetime as dt
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 HOURS_FROM = 7200
 """Durations from here on [s] are given in hours."""
@@ -69,7 +70,7 @@ def samples(values: Sequence[float]) -> str:
 
 def delays(values: Sequence[float], sample_time: float) -> str:
     """Lags (delays or t50), the lowest first, such as "6 or 7 samples (13.3 to 15.5 min)"."""
-    together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
+    together = all(b - a == 1 for a, b in pairwise(values))
     span = duration([v * sample_time for v in values], "to" if together else "or")
     return f"{samples(values)} ({span})"
 

@@ -5,6 +5,7 @@ The report, the figures of the paper and the library draw with these functions;
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -433,7 +434,7 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown])
     if t := read.thirds(e):
-        for first, last, middle in zip(t.edges, t.edges[1:], t.medians, strict=False):
+        for (first, last), middle in zip(pairwise(t.edges), t.medians, strict=True):
             for colour, width in (("white", 3.0), (style.ACCENT, 1.8)):  # the white edge sets it off
                 ax.hlines(middle, first, last, colors=colour, linewidths=width, zorder=4)
         style.entry(ax, "median of each third of days", ls="-", color=style.ACCENT, lw=1.8)

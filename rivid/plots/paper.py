@@ -6,6 +6,7 @@ The figures of the year (9 and 13-18) are those of the report: :mod:`rivid.plots
 import datetime as dt
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -422,28 +423,24 @@ def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
 IN_GREY = ("ml", "map", "jmap-uniform", "jmap")  # estimators of Figs 13 to 16, which have one scale of greys
 
 
-def _tdr(name: str) -> Callable[..., Figure]:
+def tdr(name: str, sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     """Figs 13-16: the impulse responses of the year by one estimator, the time-day representation."""
-
-    def representation(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-        e = estimated.of(name)
-        note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
-        note += f" · alpha = {year.config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
-        note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
-        fir = e.fir[e.answered]
-        if len(fir):
-            note += f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
-        figure, (ax,) = sheet(note)
-        style.date_axis(ax, e.dates[0], e.dates[-1])
-        greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
-        estimates.tdr(
-            ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time, greys=greys,
-            unit=response_unit(estimated.output_unit),
-        )  # fmt: skip
-        style.key(ax)
-        return figure
-
-    return representation
+    e = estimated.of(name)
+    note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
+    note += f" · alpha = {year.config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
+    note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
+    fir = e.fir[e.answered]
+    if len(fir):
+        note += f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
+    figure, (ax,) = sheet(note)
+    style.date_axis(ax, e.dates[0], e.dates[-1])
+    greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
+    estimates.tdr(
+        ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time, greys=greys,
+        unit=response_unit(estimated.output_unit),
+    )  # fmt: skip
+    style.key(ax)
+    return figure
 
 
 def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Figure:
@@ -515,10 +512,10 @@ FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {
     "10": ("A theoretical impulse response", theoretical),
     "11": ("The priors in use", priors),
     "12": ("Impulse responses and delay of one day", responses),
-    "13": ("Responses of the ML estimator", _tdr("ml")),
-    "14": ("Responses of the MAP estimator", _tdr("map")),
-    "15": ("Responses of the JMAP, uniform prior, alpha fixed", _tdr("jmap-uniform")),
-    "16": ("Responses of the JMAP, Rayleigh prior", _tdr("jmap")),
+    "13": ("Responses of the ML estimator", partial(tdr, "ml")),
+    "14": ("Responses of the MAP estimator", partial(tdr, "map")),
+    "15": ("Responses of the JMAP, uniform prior, alpha fixed", partial(tdr, "jmap-uniform")),
+    "16": ("Responses of the JMAP, Rayleigh prior", partial(tdr, "jmap")),
     "17": ("Delay of each day (JMAP)", jmap_maps),
     "18": ("How often each delay (JMAP)", jmap_histograms),
     "19": ("Delays of the reaches of a cascade", cascade),

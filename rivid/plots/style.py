@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -314,7 +315,7 @@ def date_ticks(
             low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
             lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
             days, places = [], []
-            for day, after in zip(starts, starts[1:], strict=False):
+            for day, after in pairwise(starts):
                 a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
                 if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
                     days.append(day)

@@ -8,6 +8,7 @@ import datetime as dt
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -266,8 +267,7 @@ def _ends(values: Floats) -> tuple[float, float] | None:
 
 def missing(dates: Sequence[dt.date]) -> list[dt.date]:
     """Return the days between the first and the last that have no row: no log of them exists."""
-    gaps = zip(dates, dates[1:], strict=False)
-    return [a + dt.timedelta(days=k) for a, b in gaps for k in range(1, (b - a).days)]
+    return [a + dt.timedelta(days=k) for a, b in pairwise(dates) for k in range(1, (b - a).days)]
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
