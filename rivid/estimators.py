@@ -30,8 +30,8 @@ class Days:
 
     u: Floats  #: inflow [m3/s], (days, N)
     y: Floats  #: output [m for a level, m3/s for a discharge], (days, N)
-    o: Floats | None = None  #: outflow [m3/s], (days, N); None where it is not logged
-    base: Floats | None = None  #: inflow at the first sample [m3/s], (days,): celerity depends on it
+    o: Floats | None  #: outflow [m3/s], (days, N); None where it is not logged
+    base: Floats  #: inflow at the first sample [m3/s], (days,): celerity depends on it
 
     @classmethod
     def of(cls, inflow: Floats, output: Floats, outflow: Floats | None, min_motion: float) -> Days:
@@ -241,8 +241,8 @@ def _posterior(config: Config) -> Prepared:
         river = config.river_settings()
 
         def estimate_river(days: Days) -> Answer:
-            flow = days.u if days.base is None else days.u + days.base[:, None]
-            return _of_posterior(posterior_river(flow, days.y, river), river, config)
+            found = posterior_river(days.u + days.base[:, None], days.y, river)
+            return _of_posterior(found, river, config)
 
         # the first samples of each window are the history of the others
         return Prepared(estimate_river, river.warm + LEAST_ROWS, f"d_max = {river.d_max}", key)

@@ -326,9 +326,8 @@ def render(report: Report, reach: str) -> str:
 def render_sound(report: Report, reach: str) -> str:
     """Return one line for a reach without faults."""
     remarks = sum(bool(day.notes) for day in report.days)
-    return f"{reach}: fine, {count(len(report.days), 'day')}" + (
-        f", {remarks} with remarks" if remarks else ""
-    )
+    more = f", {remarks} with remarks" if remarks else ""
+    return f"{reach}: fine, {count(len(report.days), 'day')}{more}"
 
 
 def _table(report: Report, reach: str) -> str:

@@ -74,16 +74,11 @@ def chosen(finding: Finding, date: dt.date, since: Ints, sample: float) -> Bools
     if not items:
         return np.ones(len(since), bool)
     found = np.zeros(len(since), bool)
-    for item in items:  # their times are in whole minutes
-        first, last = (_seconds(item.get(key, item.get("time", ""))) for key in ("first", "last"))
+    for item in items:  # their times are HH:MM
+        clocks = (item.get(key, item.get("time")).split(":") for key in ("first", "last"))
+        first, last = (3600.0 * int(hours) + 60.0 * int(minutes) for hours, minutes in clocks)
         found |= (since >= (first - 30.0) * MICRO) & (since < (last + 30.0 + sample) * MICRO)
     return found
-
-
-def _seconds(clock: str) -> float:
-    """Seconds since midnight of a time such as 07:30 or 07:30:15."""
-    hours, minutes, *seconds = (float(part) for part in clock.split(":"))
-    return hours * 3600.0 + minutes * 60.0 + sum(seconds)
 
 
 def read_maintenance(path: Path) -> list[dt.date]:

@@ -63,7 +63,7 @@ def write(folder, days):
 
 def deviations(columns):
     u, o, h = (np.stack(x) for x in zip(*columns, strict=True))
-    return Days(u - u[:, :1], h - h[:, :1], o - o[:, :1])
+    return Days(u - u[:, :1], h - h[:, :1], o - o[:, :1], u[:, 0])
 
 
 def estimator(name, **tables):

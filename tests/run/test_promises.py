@@ -199,7 +199,7 @@ def test_a_response_too_long_for_the_window_of_a_river_is_the_reason(order, too_
     config = parse({"reach": {"kind": "river"}, "jmap": {"order": order, "d_max": 20}}, Config)
     u = np.sin(np.arange(700) / 500.0)[None]  # smooth: no response is identified
     answer = Answer(np.array(["unidentifiable"]), condition=np.array([1e15]))
-    reason = _why(answer, 0, Days(u, u), config)
+    reason = _why(answer, 0, Days.of(u, u, None, 0.0), config)
     assert ("too long for 700 samples, of which 299 are history only" in reason) is too_long
     assert ("the inflow moves too little" in reason) is not too_long
 
