@@ -238,7 +238,7 @@ class RunConfig(Section):
         return float(number) * {"min": 60.0, "h": 3600.0}.get(unit, 1.0)
 
     def lengthen(self, seconds: float) -> str:
-        """What makes data sets so long [s] or longer, for messages."""
+        """Advice for messages: the settings for data sets of this length [s] or longer."""
         if self.window and seconds <= DAY / 2:
             return f'set [run] window = "{math.ceil(seconds)} s" or longer'
         days = f"set [run] window_days = {math.ceil(seconds / DAY)} or more"

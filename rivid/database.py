@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import sqlalchemy as sa
 
 KEYS = ("reach", "date", "estimator")
-"""What a row of the table of delays stands for; the data sets of a day, if several, have `start` too."""
+"""Keys of a row of the table of delays; where a day has several data sets, `start` is another."""
 CHUNK = 5_000
 """Rows sent at once."""
 

@@ -49,7 +49,7 @@ class Days:
 
 @dataclass(frozen=True)
 class Answer:
-    """What an estimator returns for a batch of days; None where it does not estimate a quantity.
+    """The results of an estimator for a batch of days; None for a quantity that it does not estimate.
 
     Arrays have shape (days,) where no other is given; alpha, variances, condition, iterations and prior_only
     are those of :class:`rivid.core.fir.JmapResult`.
@@ -320,7 +320,7 @@ def _of_posterior(
 
 
 def stamp_doubt(given: Mapping[str, Any], sample_time: float, *, river: bool) -> tuple[float, float]:
-    """By how much travel times may be too long, and too short [s], as stamps are not declared.
+    """Return how much travel times may be too long, and too short [s], where stamps are not declared.
 
     A column without `[input.stamp]` is read as instants. If it is stamped at the end of its interval
     instead, its true time is one interval earlier: a travel time is then too long if it is the output, too

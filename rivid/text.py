@@ -112,7 +112,7 @@ def spans(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
 
 
 def output_words(unit: str) -> str:
-    """What the estimators explain: a pool's level or a river's discharge."""
+    """The output that the estimators explain: a pool's level or a river's discharge."""
     return "level" if unit == "m" else "discharge"
 
 
@@ -173,7 +173,7 @@ def samples_first(values: Sequence[float], sample_time: float, rounded: bool = F
 
 
 def travel_first(values: Sequence[float], sample_time: float) -> str:
-    """The same, such as "25 to 30 min (delay d = 5 samples of 5 min)"."""
+    """Delays, after their travel time, such as "25 to 30 min (delay d = 5 samples of 5 min)"."""
     return f"{travel(values, sample_time)} (delay d = {samples(values)} of {step(sample_time)})"
 
 

@@ -44,7 +44,7 @@ SHIFTS = {
     (-1, -1): ("", "late"),
     (1, 1): ("", "early"),
 }
-"""By the days from which inflow and outflow are taken: the misdated column ("" is the output), and how."""
+"""The misdated column ("" is the output), and how, by the days that inflow and outflow are taken from."""
 
 
 def clocks(record: Record, fits: Fits) -> list[Finding]:

@@ -88,7 +88,7 @@ def _print_failures(summary: Summary, noun: str) -> None:
 
 
 def _doubt(results: Results, waves: tuple[float, float]) -> str:
-    """What the flows, or the median delay or t50, are in conflict with: the travel times of [reach] [s]."""
+    """The conflict of the flows, or the median delay or t50, with the `waves` of [reach] [s]; "" for none."""
     e, T_s = leading_response(results) or leading(results), results.sample_time
     if e is None:
         return ""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rivid.config import Config
 
 DEFAULTS = "defaults.toml"
-"""What the reaches share, in a directory of configurations."""
+"""File of the keys that all reaches share, in a directory of configurations."""
 
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}")
 DATED = re.compile(
@@ -22,7 +22,7 @@ DATED = re.compile(
 )
 """Names of directories of a year, a month or a day."""
 OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
-"""What OUT holds of the fleet itself; no reach is called so."""
+"""Files of the fleet itself in OUT; no reach may have such a name."""
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class DaySource:
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is known of a file; stored, so that it is not hashed and opened again."""
+    """Facts about a file; stored, so that it is not hashed and opened again."""
 
     size: int
     mtime_ns: int
@@ -140,7 +140,7 @@ def find_days(
 
 
 def below(root: Path) -> str:
-    """What to do with logs in the directories of a directory; "" where there are none."""
+    """Advice for logs in the directories of a directory; "" where there are none."""
     for folder, folders, names in os.walk(root):
         deep = len(Path(folder).relative_to(root).parts)
         # three levels are year, month and day
@@ -390,7 +390,7 @@ def _refuse_filled(share: float, series: TimedValues, spec: Spec) -> NoReturn:
 
 
 def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -> str:
-    """What to do with a column that comes less often than it should.
+    """Advice for a column that comes less often than it should.
 
     `finest` is the step of the column that comes most often: 0 where one of them comes often enough, None
     where the others are not known.

@@ -337,7 +337,7 @@ class DayResult:
 
 
 DayRows = tuple[TimedValues, Origins, Origins]
-"""Of a day: its values; the rows of the sources that they come from; its reports, sampled or not."""
+"""The values of a day; the rows of the sources that they come from; its reports, sampled or not."""
 
 
 def dates_of(
@@ -437,7 +437,7 @@ class Outcome:
         return 3 if self.counts["refused"] or self.counts["differs"] else 0
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """Return the outcome as JSON values."""
         return {
             "days": [{**vars(day), "date": str(day.date)} for day in self.days],
             "counts": dict(self.counts),

@@ -362,7 +362,7 @@ class Log:
         return [fault for fault in self.faults if start <= fault.at < end + self.spec.latest]
 
     def events_of(self, date: dt.date) -> dict[str, int]:
-        """How much was masked, dropped or sorted on a local day."""
+        """Number of values that were masked, dropped or sorted on a local day, by kind."""
         start, end = self.bounds(date)
         counts = {k: int(np.diff(t.searchsorted((start, end)))[0]) for k, t in self.events.items()}
         return {kind: count for kind, count in counts.items() if count}
@@ -561,7 +561,7 @@ def _total(signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[
 def repeated(
     name: str, times: Ints, values: Floats, there: Ints, zone: dt.tzinfo, place: Callable[[int], str]
 ) -> tuple[Ints, list[Fault]]:
-    """Which of the rows `there` repeat the time of the one before, and a fault where values differ."""
+    """The rows of `there` that repeat the time of the row before, and a fault for each with another value."""
     again, faults = np.flatnonzero(np.diff(times[there]) == 0) + 1, []
     for old, new in zip(there[again - 1].tolist(), there[again].tolist(), strict=True):
         if values[old] != values[new]:

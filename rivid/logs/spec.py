@@ -1,4 +1,4 @@
-"""What the configuration declares of a log, and its times and bytes.
+"""The specification of a log by the configuration, and the times and bytes of its file.
 
 `[input]` and the signals of `[reach]` make the specification by which a file is read.
 """

@@ -33,7 +33,7 @@ class ColumnError(UndeclaredError):
 
 
 class Fault(NamedTuple):
-    """What makes a row, or the day of a time, unusable."""
+    """The reason why a row, or the day of a time, is unusable."""
 
     at: int  # number of usable rows before it, or its time [us]
     text: str  # where it is, what is wrong, and what to do
@@ -65,7 +65,7 @@ class Columns:
         return [(row, text[1:]) for row, text in whys if text.startswith(FLAG)]
 
     def place(self, row: int) -> str:
-        """Where a row is in its file."""
+        """The place of a row in its file."""
         return f"{self.unit} {self.lines[row]}"
 
 
@@ -155,7 +155,7 @@ def check_names(
 
 
 def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: str) -> str:
-    """What to set where a column is missing."""
+    """Advice for a missing column: the key to set."""
     for mark, shown in ((";", ";"), ("\t", "\\t"), (",", ","), ("|", "|")):
         if len(names) == 1 and mark != spec.input.separator and mark in header:
             return f'the header is separated by "{shown}": set [input] separator = "{shown}"'

@@ -19,7 +19,7 @@ from rivid.results.read import EstimatorResults, Results
 from rivid.text import count, day_range, delays, probability, response_unit, samples_first, statuses
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
-"""How the names of these figures begin in OUT/figures."""
+"""Beginnings of the names of these figures in OUT/figures."""
 
 Job = tuple[str, str]  # a figure to draw: its kind, and the estimator it shows; empty for all of them
 

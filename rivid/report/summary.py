@@ -382,7 +382,7 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
 
 
 def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[str, Any] | None:
-    """How many days the prior, or chance, decides; or how probable the delays are."""
+    """The number of days that the prior, or chance, decides; or the probabilities of the delays."""
     e, given = recent.estimator, recent.given
     n = int(given.sum())
     if recent.quantity == "t50" and not ESTIMATORS[e.estimator].has_probability:

@@ -1,4 +1,4 @@
-"""What a run keeps in OUT: its tables, run.json, and the rows of what is done already.
+"""The files of a run in OUT: its tables, run.json, and the rows of data sets that are done.
 
 A *segment*, under OUT/.rivid, is a Parquet file of a batch's rows (:data:`SEGMENT`), a row per day and
 estimator with its FIR and criterion as lists. Its rename is the commit: a killed run leaves whole segments or

@@ -36,7 +36,7 @@ SHAPE_LOADS = np.array([0.1, 0.0, 1.0, 0.9, 0.55, 0.5, 1.0, 0.9, 0.2])
 SHAPE_MEAN = float(np.interp(np.arange(0.0, 24.0, 0.01), SHAPE_HOURS, SHAPE_LOADS, period=24.0).mean())
 """Mean of the usual load, taken away so that the day keeps the river's mean."""
 LOAD_SPREAD = 0.12
-"""How much a corner's load differs from day to day, as a share of the swing (standard deviation)."""
+"""Standard deviation of a corner's load from day to day, as a share of the swing."""
 
 
 def ar1(n: int, step: float, memory: float, rng: np.random.Generator) -> Floats:

@@ -1,4 +1,4 @@
-"""What the columns of a foreign table are: numbers, marks, sentinels, units, and which is which."""
+"""The columns of a foreign table: their numbers, marks, sentinels, units and roles."""
 
 import re
 from collections import Counter, defaultdict
@@ -88,7 +88,7 @@ _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo
 _QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"  # names of a column of flags
 
 Questions = list[tuple[str, str]]
-"""What could not be decided: the key of `[input]`, which may be empty, and the question."""
+"""Open questions: the key of `[input]`, which may be empty, and the question."""
 
 
 def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> bool:
@@ -132,7 +132,7 @@ def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
 
 
 def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
-    """What a column is; None for one that does not hold numbers."""
+    """The role, unit and other traits of a column; None for one that does not hold numbers."""
     read = [reader.read(cell) for cell in cells]
     texts = [cell for cell, value in zip(cells, read, strict=True) if value is None]
     values = {i: value for i, value in enumerate(read) if value is not None and value == value}
@@ -279,7 +279,7 @@ OFFSETS = {
     "EST": "-05:00", "EDT": "-04:00", "CST": "-06:00", "CDT": "-05:00", "MST": "-07:00", "MDT": "-06:00",
     "PST": "-08:00", "PDT": "-07:00", "AKST": "-09:00", "AKDT": "-08:00",
 }  # fmt: skip
-"""What abbreviations of zones usually mean."""
+"""Usual offsets of the abbreviations of zones."""
 
 
 def code_columns(layout: Layout) -> list[int]:
@@ -522,13 +522,13 @@ def _by_site(
 
 
 def _leaving(group: Group) -> Group:
-    """What leaves a site: not what is called its inflow, and a total rather than the sum of all."""
+    """The outflows of a site: without those called an inflow, and a total rather than the sum of all."""
     group = [c for c in group if not (c.sure and c.role == "u_Qi")] or group
     return [c for c in group if _TOTAL.search(c.name.lower())][:1] or group
 
 
 def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[str, str]]:
-    """By what the columns are called, else in their order."""
+    """The inflow, the outflow and the reasons, by the names of the columns, else in their order."""
     called_in = sorted((c for c in flows if c.role == "u_Qi"), key=lambda c: not c.sure)
     called_out = [c for c in flows if c.role == "u_Qo"]
     neutral = [c for c in flows if c.role == "flow"]
@@ -547,7 +547,7 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
 
 
 def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
-    """What else the inflow and the outflow may be: each other, all of another site, any other column."""
+    """Other choices of inflow and outflow: each other, all of another site, any other column."""
     named = dict.fromkeys(filter(None, (sites[c.name] for c in flows)))
     whole = [_leaving([c for c in flows if sites[c.name] == site]) for site in named]
     left, rest = [[c] for c in flows if c not in ins and c not in outs], [c for c in flows if c not in ins]

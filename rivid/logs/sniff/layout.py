@@ -40,7 +40,7 @@ LONGEST_JUMP = 20 * 86_400 * 1_000_000
 
 @dataclass
 class Layout:
-    """How a text file is laid out: its text, then its times, then the columns or tags that hold values."""
+    """The layout of a text file: its text, then its times, then the columns or tags that hold values."""
 
     encoding: str
     separator: str
