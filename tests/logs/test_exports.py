@@ -162,6 +162,20 @@ def test_times_without_offset_need_a_zone(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("text", "time_format"),
+    [
+        ("{:02d}-Feb-23 13:00", "%d-%b-%y %H:%M"),
+        ("{:02d}-Feb-2023 01:00 PM", "%d-%b-%Y %I:%M %p"),
+        ("{:02d}.02.2023 09:58:00,100", "%d.%m.%Y %H:%M:%S,%f"),
+    ],
+)
+def test_names_of_months_and_fractions_behind_a_comma_are_read(tmp_path, text, time_format):
+    rows = [f"{text.format(d)};{d};3;1" for d in range(1, 29)]
+    (tmp_path / "export.csv").write_text("\n".join(["time;inflow;outflow;level", *rows]) + "\n")
+    assert f'time_format = "{time_format}"' in sniff(tmp_path / "export.csv", "UTC").toml
+
+
+@pytest.mark.parametrize(
     ("name", "zone"), [("Time (UTC)", "UTC"), ("Zeit [UTC+1]", "Etc/GMT-1"), ("time GMT-08:00", "Etc/GMT+8")]
 )
 def test_a_zone_in_the_name_of_the_times_is_proposed(tmp_path, name, zone):

@@ -17,7 +17,8 @@ MARKS = ("#", "!", "%", "//")  # prefixes of lines without data, in the order in
 # regular expression of the comment of a ZRXP file that holds the tag of the rows below
 ZRXP_TAG = "#REXCHANGE([^|]+)"
 _DATES = "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y".split()
-_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M.%S", "%H.%M")
+_DATES += ["%d-%b-%Y", "%d-%b-%y"]
+_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H:%M:%S,%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
     None,
     *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
