@@ -75,10 +75,11 @@ _UP = (
 _DOWN = (
     r"downstream|lower|aval|abajo|jusante|unterlieger|unterstufe|inferior|nedstr|(?<![a-z])(dn|down)(?![a-z])"
 )
-_PLANNED = r"set[ _-]?point|soll|consign|vorgabe"
+_PLANNED = r"set[ _-]?point|(?<![a-z])soll|consign|vorgabe"
 # names and units of other quantities than a discharge or a level
 _OTHER = (
-    r"rain|precip|niederschlag|pluie|lluvia|pioggia|chuva|temp|wind|[ée]vap|opening|ouverture|öffnung|apertura"
+    r"(?<![a-z])(rain|temp)|precip|niederschlag|pluie|lluvia|pioggia|chuva|(?<![a-z])wind(?![a-z])|[ée]vap"
+    r"|opening|ouverture|öffnung|apertura"
     r"|leistung|puissance|potencia|potenza|energ|(?<![a-z])(mwh?|rpm)(?![a-z])|[ _]kwh?$|%"
 )
 _OTHER_UNIT = r"°?[cfk]|[kmg]?wh?|bar|hz|[ak]?v|h?m3|m³|hm³|ac-?ft|af|rpm|deg.*"
@@ -158,9 +159,6 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
         ends = (text[match.end() :] for match in _BREAK.finditer(text))
         level = next((u for end in ends if (u := stated_unit("", end, level=True)) not in ("", "mm")), "")
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
-    side = [re.search(words, text) is not None for words in (_UP, _DOWN)]
-    if role in ("u_Qi", "u_Qo", "flow") and side[0] != side[1] and not re.search(_SURE["u_Qi"], text):
-        role = "u_Qi" if side[0] else "u_Qo"  # a dam's turbines, weirs and releases are on its side
     if role == "h_L" and re.search(_PLANNED, text):
         return "", ""
     if role == "h_L" and flow:
@@ -429,7 +427,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
 
 def _by_words(columns: list[ColumnGuess], questions: Questions) -> Roles:
     """Assign columns to roles by the words in their names, and their units."""
-    flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
+    flows = _by_side([c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")])
     levels = [c for c in columns if c.role == "h_L"]
     if not levels:
         return _river(flows, questions)
@@ -440,7 +438,9 @@ def _by_words(columns: list[ColumnGuess], questions: Questions) -> Roles:
         questions.append(("h_L", f"h_L: which of {names} is the level at the downstream dam?"))
         instead["h_L"] = [[c] for c in levels if c is not level]
     sites, ends = (_sites([*flows, level], backwards) for backwards in (False, True))
-    found = _by_site(flows, level, sites) or _by_site(flows, level, ends)
+    found = _by_site(flows, level, sites)
+    if not found and not any(c.sure and c.role == "u_Qi" for c in flows):
+        found = _by_site(flows, level, ends)
     ins, outs, why = found or _by_name(flows, sites)
     if not ins:
         questions.append(("u_Qi", NO_INFLOW))
@@ -480,6 +480,19 @@ def _river(flows: Group, questions: Questions) -> Roles:
         questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))
         instead = {"u_Qi": _distinct([[c] for c in order], ins), "Q_L": _distinct([[c] for c in order], outs)}
     return {"u_Qi": ins, "Q_L": outs}, "river", instead
+
+
+def _by_side(flows: Group) -> Group:
+    """Set the roles of flows by the side of the reach in their names, where both sides are named."""
+    # a dam's turbines, weirs and releases are on its side
+    found = [[re.search(words, c.name.lower()) is not None for words in (_UP, _DOWN)] for c in flows]
+    if not {(True, False), (False, True)} <= {(up, down) for up, down in found}:
+        return flows
+    roles = ["u_Qi" if up else "u_Qo" if down else c.role for c, (up, down) in zip(flows, found, strict=True)]
+    return [
+        c if c.role == role or c.sure and c.role == "u_Qi" else replace(c, role=role, sure=False)
+        for c, role in zip(flows, roles, strict=True)
+    ]
 
 
 def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:
