@@ -176,9 +176,12 @@ def test_out_that_can_be_no_directory(season, tmp_path, tried):
     tried("OUT is a file, below a file, a device", 3)
 
 
+KNOWN = ["--config", "configs/basse_isere.toml"]  # without it, stderr has a note
+
+
 def test_a_full_standard_output(season, tmp_path, tried):
     data, out = str(season[0]), str(tmp_path / "out")
-    for words in (["check", data], ["run", data, "--out", out, "--no-figures"], ["effects"]):
+    for words in (["check", data], ["run", data, "--out", out, "--no-figures", *KNOWN], ["effects"]):
         with open("/dev/full", "w") as full:
             done = command(*words, stdout=full)
         one_line(done, "No space left on device")

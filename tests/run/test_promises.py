@@ -94,7 +94,7 @@ def test_json_is_json_also_for_a_day_without_motion(data, tmp_path):
     path.write_text(
         "\n".join(",".join([r[0], "300" if i else r[1], *r[2:]]) for i, r in enumerate(rows)) + "\n"
     )
-    _, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures")
+    _, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures", "--quiet")
 
     def refuse(word):
         raise ValueError(word)

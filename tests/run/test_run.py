@@ -168,7 +168,7 @@ def test_only_what_is_new_is_estimated_and_the_report_follows_the_tables(data, t
     day = data / "2008-03-13.csv"
     day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
     write_days(data, 1, first=dt.date(2008, 3, 22))
-    code, said = rivid("run", data, "--out", out, "--no-figures", "--json")
+    code, said = rivid("run", data, "--out", out, "--no-figures", "--json", "--quiet")
     lines = [json.loads(line) for line in said.splitlines()]
     assert code == 0 and len(lines) == 27  # a line per day and estimator, and the summary
     computed = {(line["date"], line["estimator"]) for line in lines[:-1] if line["computed"]}
@@ -279,7 +279,8 @@ def test_the_terminal_says_the_main_numbers_in_80_columns(data, tmp_path):
     (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
     words = ("--estimator", "jmap", "--estimator", "ml", "--no-figures")
     _, said = rivid("run", data, "--out", tmp_path / "out", *words)
-    lines = said.splitlines()
+    note, *lines = said.splitlines()
+    assert note == "rivid: no configuration: [reach] is taken from Table I"
     assert lines[0].startswith("reach: 12 data sets, 12 estimated now, 0 done before")
     assert "  jmap  11 ok, 1 failed" in lines
     assert any(" samples (" in line and " min) on " in line for line in lines)
