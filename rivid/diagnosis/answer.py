@@ -9,7 +9,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
+from rivid.diagnosis.decision import ALONE, UNKNOWN, Study, strained
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
@@ -105,10 +105,11 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         if p >= 1.0 - ALONE:
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
         if study.unfit:
-            return "unknown", (
-                "No response describes this reach: fronts are early or late by a third of a sample or "
-                f"more{first}. Check length, width and depth in the configuration."
-            )
+            why = "No response describes this reach: fronts are early or late by a third of a sample or more"
+            if strained(study.ranking[0][0].model.reach):
+                why = "The logs contradict the configured geometry beyond its tolerance: it is wrong, or an "
+                why += "unknown effect acts at all times"
+            return "unknown", f"{why}{first}. Check length, width and depth in the configuration."
         if study.unknown < UNKNOWN and nothing < max(p, study.unknown):
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "

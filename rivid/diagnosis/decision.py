@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+from scipy.special import chdtrc
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
@@ -19,6 +20,7 @@ from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, 
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
+from rivid.diagnosis.response.base import Response
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.level import RatingShift, StillingWell
 from rivid.errors import RividError
@@ -38,6 +40,9 @@ THIRD = 1.3
 unit of variance of the 24 effects of a pool if none acts. For the 11 effects of a river it is 0.7."""
 HAIR = 1e-3
 """Score difference of effects that cannot be separated, so that the likelier one is named first [nats]."""
+STRAINED = 1e-6
+"""Prior probability of parameters farther from the configuration than the calibrated ones, below which these
+compensate for something else. The priors are tolerances, not known distributions: hence far below 5 %."""
 DOUBT = 0.05  # significance level of the tests that allow for the scatter between blocks
 Core = tuple[tuple[str, ...], Unknown]
 """Names and unknown cause of an explanation."""
@@ -253,6 +258,14 @@ def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
     if end == 0:
         return range(int(rows[rows < inside[0]].max(initial=-1)) + 1, inside[0] + 1)
     return range(inside[-1], int(rows[rows > inside[-1]].min(initial=record.days)))
+
+
+def strained(reach: Response) -> bool:
+    """Return whether calibrated parameters contradict the configured geometry, by the chi-square test."""
+    if reach.name != "saint-venant":  # others have no geometry
+        return False
+    off = np.array([(one.value - one.mean) / one.sd for one in reach.parameters])
+    return bool(chdtrc(len(off), off @ off) < STRAINED)
 
 
 def _lacking(model: Model, effect: Effect) -> Model:
@@ -599,9 +612,9 @@ class Study:
     @property
     def unfit(self) -> bool:
         """Whether no response describes the reach, as with a wrong geometry: effects compensate for it."""
-        # the front misfit of the most probable explanation is at its plausible limit
+        # the front misfit of the most probable explanation is at its plausible limit, or its geometry far off
         lead = self.ranking[0][0]
-        return not lead.unknown and lead.noise.misfit > 0.99 * MISFIT
+        return not lead.unknown and (lead.noise.misfit > 0.99 * MISFIT or strained(lead.model.reach))
 
     @cached_property
     def sure(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 from scipy.special import softmax
-from scipy.stats import ttest_1samp
+from scipy.stats import chi2, ttest_1samp
 
 from rivid.diagnosis.answer import USUAL, _described, _named, _next, _ranking, _small, _verdict
 from rivid.diagnosis.blocks import split
@@ -25,12 +25,14 @@ from rivid.diagnosis.decision import (
     log_places,
     ranked,
     shares,
+    strained,
     worse_on,
 )
 from rivid.diagnosis.explanation import HORIZONS, fitted, scored, tails_of, without_mirrored
 from rivid.diagnosis.fit import day_errors
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.response.base import kernels_of
+from rivid.diagnosis.response.base import kernels_of, vector_of
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Unknown, Where
 from rivid.diagnosis.search import with_events
 from rivid.diagnosis.workflow import _Search
@@ -40,7 +42,7 @@ from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
 from tests import examples
 from tests.diagnosis import pools
 from tests.diagnosis.answers import evidence_of, gap_of
-from tests.diagnosis.studies import LOUD, OPEN, QUIET, RECORD, SPLIT, explained, study_of
+from tests.diagnosis.studies import LOUD, MODEL, OPEN, QUIET, RECORD, SPLIT, explained, study_of
 
 BLOCK = SPLIT.block
 MUCH = 2.0 * MATERIAL
@@ -180,6 +182,29 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert study.sure == ("leakage",) and study.last is one and study.steps == (one,)
     assert study.group == ()
     assert not study.contradicted
+
+
+def test_nothing_is_named_beside_a_geometry_that_contradicts_the_configuration():
+    pool = HydraulicResponse.nominal(8200.0, 81.6, 5.0, 120.0, sample_time=133.0, flow=300.0)
+    k, sd = len(pool.parameters), np.array([one.sd for one in pool.parameters])
+    radius = chi2.isf(1e-6, k) ** 0.5  # of the smallest sphere that holds all but 1e-6 of the prior
+    rng = np.random.default_rng(3)
+    for share, far in ((0.99, False), (1.01, True)):
+        for _ in range(20):
+            z = rng.standard_normal(k)
+            z *= share * radius / np.linalg.norm(z)
+            moved = [replace(p, value=p.mean + v * p.sd) for p, v in zip(pool.parameters, z, strict=True)]
+            assert strained(replace(pool, parameters=tuple(moved))) is far
+    draws = vector_of(pool) + sd * rng.standard_normal((300, k))
+    assert not any(strained(pool.with_parameters(draw)) for draw in draws)
+    nothing = explained(
+        model=SimpleNamespace(**vars(MODEL) | {"reach": replace(pool, parameters=tuple(moved))})
+    )
+    for one in (nothing, explained("leakage", 20.0, MUCH, parent=nothing, model=nothing.model)):
+        study = study_of(*{nothing, one})
+        assert study.unfit and study.sure == () and study.group == ()
+        verdict, reason = _verdict(study, gap_of(evidence_of()), None)
+        assert verdict == "unknown" and reason.startswith("The logs contradict the configured geometry")
 
 
 @pytest.mark.parametrize(
