@@ -16,8 +16,9 @@ SEPARATORS = (";", "\t", "|", ",", " ")
 MARKS = ("#", "!", "%", "//")  # prefixes of lines without data, in the order in which they are tried
 # regular expression of the comment of a ZRXP file that holds the tag of the rows below
 ZRXP_TAG = "#REXCHANGE([^|]+)"
-_DATES = "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y".split()
-_DATES += ["%d-%b-%Y", "%d-%b-%y"]
+_DATES = (
+    "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y %d-%b-%Y %d-%b-%y"
+).split()
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H:%M:%S,%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
     None,
