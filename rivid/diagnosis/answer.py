@@ -9,7 +9,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.decision import ALONE, UNKNOWN, Study, strained
+from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
@@ -105,11 +105,12 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         if p >= 1.0 - ALONE:
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
         if study.unfit:
-            why = "No response describes this reach: fronts are early or late by a third of a sample or more"
-            if strained(study.ranking[0][0].model.reach):
-                why = "The logs contradict the configured geometry beyond its tolerance: it is wrong, or an "
-                why += "unknown effect acts at all times"
-            return "unknown", f"{why}{first}. Check length, width and depth in the configuration."
+            return "unknown", (
+                "No response describes this reach: fronts are early or late by a third of a sample or "
+                f"more{first}. Check length, width and depth in the configuration."
+            )
+        if study.strained:
+            return "unknown", f"{STRAIN}{first}."
         if study.unknown < UNKNOWN and nothing < max(p, study.unknown):
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
@@ -138,6 +139,8 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             "cannot_tell",
             f"{names.replace(', ', ' or ')}: these data do not separate them. The error: {shown}.",
         )
+    if study.strained:
+        return "partly_explained", f"Named: {names}. {STRAIN}. The error: {shown}."
     if study.unknown >= UNKNOWN:
         what = f" Left: {remainder.drivers[0]}." if remainder is not None else ""
         return "partly_explained", f"Named: {names}.{what} The error: {shown}."
@@ -155,6 +158,10 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     return "explained", f"{names} has a probability {sure}; on days kept apart the error goes from {shown}."
 
 
+STRAIN = (
+    "The logs contradict the configured geometry beyond its tolerance: it is wrong, or an unknown effect acts "
+    "at all times. Check length, width and depth in the configuration"
+)
 TIMES = {2: " (twice)", 3: " (three times)", 4: " (four times)"}
 """Words for the number of times that an effect is named."""
 
@@ -163,6 +170,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
+GEOMETRY = "Measure the reach's length, width and depth, and time one wave between the dams."
 USUAL: dict[str, str] = {
     "flow": (
         "Gauge the flow below each dam once during the hours found, and look into the gate books for them."
@@ -182,12 +190,14 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
     """Return the recommended next measurement, or None."""
+    if verdict in ("unknown", "partly_explained") and study.strained:
+        return GEOMETRY
     if verdict == "unknown":
         if study.unknown_delays:
             return USUAL["timing"]
         kind = "" if study.stranger is None else study.stranger.unknown
         if study.unfit or kind == "dynamics":
-            return "Measure the reach's length, width and depth, and time one wave between the dams."
+            return GEOMETRY
         return USUAL["level" if kind == "gauge" else "flow"]
     if verdict in ("cannot_tell", "partly_explained") and study.group:
         first, *rest = (classes[name] for name in study.group)

@@ -612,9 +612,15 @@ class Study:
     @property
     def unfit(self) -> bool:
         """Whether no response describes the reach, as with a wrong geometry: effects compensate for it."""
-        # the front misfit of the most probable explanation is at its plausible limit, or its geometry far off
+        # the front misfit of the most probable explanation is at its plausible limit
         lead = self.ranking[0][0]
-        return not lead.unknown and (lead.noise.misfit > 0.99 * MISFIT or strained(lead.model.reach))
+        return not lead.unknown and lead.noise.misfit > 0.99 * MISFIT
+
+    @cached_property
+    def strained(self) -> bool:
+        """Whether the most probable explanation contradicts the configured geometry."""
+        lead = self.ranking[0][0]
+        return not lead.unknown and strained(lead.model.reach)
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
