@@ -159,8 +159,8 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
 
 
 STRAIN = (
-    "The logs contradict the configured geometry beyond its tolerance: it is wrong, or an unknown effect acts "
-    "at all times. Check length, width and depth in the configuration"
+    "The logs contradict the configured geometry beyond its tolerance: it is wrong, or an unknown effect "
+    "acts at all times. Check length, width and depth in the configuration"
 )
 TIMES = {2: " (twice)", 3: " (three times)", 4: " (four times)"}
 """Words for the number of times that an effect is named."""
