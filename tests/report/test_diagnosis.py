@@ -74,7 +74,7 @@ def test_a_tie_beside_a_named_effect_is_one_more_that_is_missing(tmp_path):
     others = " or ".join(name.replace("_", " ") for name in TIED.tied_with)
     assert f"One more is missing. It is {TIED.name.replace('_', ' ')} or {others}; these data" in text
     alone = diagnosis("partly_explained", EVIDENCE, effects=(DIURNAL,), unknown=None)
-    assert headline(alone).endswith("More is missing and has no name yet.")
+    assert headline(alone).endswith("More is unexplained and has no name yet.")
 
 
 @pytest.mark.parametrize(
