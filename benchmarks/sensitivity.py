@@ -174,7 +174,9 @@ def section(study: Study, found: dict[str, Floats]) -> str:
     for i, value in enumerate(study.values):
         name = f"**{value:g}**" if value == study.usual else f"{value:g}"
         rows.append([name, *(spread(shares[i]) for shares in found.values())])
-    return f"\n## {study.name}\n\n" + table([f"[{study.unit}]", *found], rows)
+    symbol = "_" in study.name.split()[0]
+    title = study.name if symbol else study.name[0].upper() + study.name[1:]
+    return f"\n## {title}\n\n" + table([f"[{study.unit}]", *found], rows)
 
 
 def other_reaches(seeds: range) -> tuple[str, dict[str, Floats]]:

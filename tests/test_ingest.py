@@ -3,6 +3,7 @@
 import datetime as dt
 import json
 import os
+import shlex
 from types import SimpleNamespace
 from zoneinfo import ZoneInfo
 
@@ -255,6 +256,15 @@ class TestDays:
         rows = wide(first=dt.date(2008, 3, 30), zone="")
         outcome = go(tmp_path, rows, time_zone="Europe/Paris")
         assert 'no daylight saving, set [input] time_zone = "Etc/GMT-1"' in outcome.days[0].reason
+
+    def test_the_next_commands_can_be_copied_where_a_path_has_blanks(self, tmp_path):
+        export = write(tmp_path / "export.csv", wide())
+        (tmp_path / "c.toml").write_text("[reach]\nsample_time = 900\n")
+        done = command("ingest", export, "--config", tmp_path / "c.toml", "--out", tmp_path / "my logs")
+        shown = [
+            line.split(": ", 1)[1] for line in done.stdout.splitlines() if line.startswith(("next", "then"))
+        ]
+        assert len(shown) == 2 and all(str(tmp_path / "my logs") in shlex.split(line) for line in shown)
 
     def test_a_river_and_a_pool_without_outflow(self, tmp_path):
         rows = [[t, i, o] for t, i, o, _ in wide()]

@@ -1,5 +1,6 @@
 """Write judged answers as a page: docs/exam.md."""
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -120,14 +121,8 @@ def reliability(judged: Sequence[Judged]) -> str:
             f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{said:.2f}", written(hits, n),
             "#" * round(20 * hits / n), "yes" if near else "no",
         ])  # fmt: skip
-    heads = [
-        "probability",
-        "names",
-        "mean",
-        "right (Wilson 95 %)",
-        "share",
-        f"interval, {RELIABLE:g} wider, holds the mean",
-    ]
+    wider = f"interval, {RELIABLE:g} wider, holds the mean"
+    heads = ["probability", "names", "mean", "right (Wilson 95 %)", "share", wider]
     return table(heads, lines)
 
 
@@ -204,6 +199,12 @@ HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2
          "seconds, median"]  # fmt: skip
 
 
+def _place(name: str) -> tuple[bool, float, str]:
+    """Return a sort key of the groups of a factor: classes by their numbers, others by name."""
+    number = re.search(r"[\d.]+", name)
+    return not name.startswith("below"), float(number[0]) if number else 0.0, name
+
+
 def by_factor(marks: Sequence[Marked]) -> str:
     """Return a table of the main shares by each factor of the world."""
     false = (ROWS[0], next(a for a in ROWS if a.words == "named all the same"))
@@ -214,7 +215,7 @@ def by_factor(marks: Sequence[Marked]) -> str:
         groups: dict[str, list[Marked]] = defaultdict(list)
         for one in marks:
             groups[label(one[0])].append(one)
-        for k, (name, some) in enumerate(sorted(groups.items())):
+        for k, (name, some) in enumerate(sorted(groups.items(), key=lambda one: _place(one[0]))):
             judged = [j for _, j in some]
             counts = np.sum([a.counted(judged) for a in false], axis=0)
             lines.append([

@@ -67,7 +67,7 @@ TEXTS = {
     "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, the units, and that no part of "
     "a flow is missing",
     "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check them",
-    "balance.level": "h_L does not follow the flows: with [reach] surface_area = {area:.2g} m2 their volume "
+    "balance.level": "h_L does not follow the flows: with [reach] {area_of} = {area:.2g} m2 their volume "
     "would move it {ratio:times} times as much: is it the level of this pool?",
     "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
     "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "

@@ -283,7 +283,11 @@ def _against_volume(
     area, declared = record.area
     if fit.explained < BELIEVED:
         missed = fits.volume() / area if declared and not doubtful and fit.explained < COMPARED else 0.0
-        return [Finding("balance.level", {"ratio": missed, "area": area})] if missed > FAR else []
+        return (
+            [Finding("balance.level", {"ratio": missed, "area": area, "area_of": declared})]
+            if missed > FAR
+            else []
+        )
     ratio = 0.5 * (fit.gain_in - fit.gain_out) * area
     margin = AREA_MARGIN if len(record.days) >= FEW else AREA_MARGIN_OF_FEW
     levels, flows = _factors(config, "h_L"), _factors(config, "u_Qi")

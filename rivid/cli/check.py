@@ -18,10 +18,7 @@ from rivid.text import count
 @shared.config(shared.CONFIG_OF_FLEET, shared.PATH)
 @shared.value("--flags", shared.NEW_DIRECTORY, "DIR", "Write flags of single values: flags.csv and .parquet.")
 @shared.value(
-    "--maintenance",
-    shared.FILE,
-    "FILE",
-    "Dates (2008-03-14, one per line) on which the gauge was moved or cleaned.",
+    "--maintenance", shared.FILE, "FILE", "Dates of work on the gauge: lines that begin as 2008-03-14."
 )
 @shared.as_json("One JSON object on stdout: every day, and a summary.")
 @shared.talk

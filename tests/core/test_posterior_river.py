@@ -109,6 +109,20 @@ def test_a_travel_time_beyond_the_range_is_no_answer(t50):
         assert (p.beyond[:, 1] > 0.5).all()
 
 
+def test_a_window_without_any_likely_response_has_a_reason(monkeypatch):
+    u, y, _ = river_windows(1, 5, 1)
+
+    def hopeless(*given):
+        log, mean, variance = evidence(*given)
+        return log - 1e6, mean, variance  # its exponential is 0
+
+    monkeypatch.setattr(river, "evidence", hopeless)
+    with np.errstate(divide="raise", invalid="raise"):
+        p = posterior_river(u, y)
+    assert p.status[0] == "unidentifiable" and p.message[0] == "the output is not seen to follow the inflow"
+    assert p.link[0] == 0.0 and np.isnan(p.delay[0])
+
+
 def test_still_windows_have_a_reason_and_units_and_other_windows_do_not_matter():
     u, y, _ = river_windows(3, 10, days=1)
     flat = u.copy()

@@ -146,12 +146,7 @@ def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected
     ("names", "inflow", "outflow", "level"),
     [
         # the side of the reach stands in the name
-        (
-            "Upstream Project Total Outflow (kcfs)|Downstream Project Total Outflow (kcfs)|Forebay (ft)",
-            0,
-            1,
-            2,
-        ),
+        ("Upstream Total Outflow (kcfs)|Downstream Total Outflow (kcfs)|Forebay (ft)", 0, 1, 2),
         ("Abfluss Unterlieger [m³/s]|Abfluss Oberlieger [m³/s]|Pegel Oberwasser [m ü. NN]", 1, 0, 2),
         ("Caudal turbinado aguas arriba|Caudal turbinado aguas abajo|Nivel", 0, 1, 2),
         ("Upper pool level (m)|Lower pool level (m)|Upper release (m3/s)|Lower release (m3/s)", 2, 3, 1),

@@ -58,7 +58,7 @@ def test_effects_and_factors_have_their_lines():
     assert "| outflow_lag | 0/1 | - | 1/2 | 1/3 | 1/3 | 0/3 | 1.00 |" in by_effect(marked(RESULTS))
     text = by_factor(marked(RESULTS))
     assert "| sample time | 133 to 300 s | 5 | 1/2" in text
-    assert "| evidence | - | 2 |" in text and "|  | 30 nats and more | 3 |" in text
+    assert "| evidence | - | 2 |" in text and "|  | 30 to 100 nats | 3 |" in text
     assert "| size | - | 2 |" in text and "|  | 1x to 2x | 1 |" in text and "|  | 4x to 8x | 2 |" in text
     assert "| outflow_lag.lag | 0.92 to 0.97 | 1 | 1/1" in coverage(JUDGED)
 

@@ -26,12 +26,12 @@ def test_the_interval_covers_about_as_often_as_it_says():
     [
         (Target(most=0.01), 0, 400, "reached"),
         (Target(most=0.01), 0, 60, "too few to decide (met so far)"),
-        (Target(most=0.01), 2, 60, "too few to decide (short by 0.02 so far)"),
-        (Target(most=0.02), 20, 60, "short by 0.31"),
+        (Target(most=0.01), 2, 60, "too few to decide (above by 0.02 so far)"),
+        (Target(most=0.02), 20, 60, "above by 0.31"),
         (Target(least=0.9), 40, 100, "short by 0.50"),
         (Target(least=0.9), 99, 100, "reached"),
         (Target(least=0.92, most=0.97), 950, 1000, "reached"),
-        (Target(least=0.92, most=0.97), 998, 1000, "short by 0.03"),
+        (Target(least=0.92, most=0.97), 998, 1000, "above by 0.03"),
         (Target(least=0.92), 0, 0, "too few to decide"),
     ],
 )

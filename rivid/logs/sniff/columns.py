@@ -151,7 +151,7 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     text = name.lower()
     unit_text = unit_text or bracketed(name)
-    if re.search(_OTHER, text) or re.fullmatch(_OTHER_UNIT, unit_text.strip().lower()):
+    if _is_other(name, unit_text):
         return "", ""
     flow = stated_unit(name, unit_text, level=False)
     level = "" if flow else stated_unit("", unit_text, level=True)
@@ -170,6 +170,11 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     if level:
         return "", ""  # the opening of a gate
     return role or ("flow" if flow else ""), flow
+
+
+def _is_other(name: str, unit: str) -> bool:
+    """Whether a column holds another quantity than a discharge or a level, by its name or unit."""
+    return bool(re.search(_OTHER, name.lower()) or re.fullmatch(_OTHER_UNIT, unit.strip().lower()))
 
 
 def bracketed(name: str) -> str:
@@ -381,10 +386,10 @@ _TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|ab
 _UPPER = re.compile(r"upper|superior|ober(e|er|es|stufe)(?![a-z])")
 
 
-def _outside(level: ColumnGuess) -> tuple[bool, bool, bool]:
+def _outside(level: ColumnGuess) -> tuple[bool, ...]:
     """Sort key of levels: those of the reach, of the pool above, of its tailwater, of the tide."""
     name = level.name.lower()
-    return tuple(re.search(words, name) is not None for words in (TIDE, _TAILWATER, _UPPER))  # type: ignore[return-value]
+    return tuple(re.search(words, name) is not None for words in (TIDE, _TAILWATER, _UPPER))
 
 
 Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
@@ -398,8 +403,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     """
     if len(columns) > 1 and not any(c.role for c in columns):
         return _by_order(columns, questions)
-    free = [c for c in columns if not c.role and not re.search(_OTHER, c.name.lower())]
-    free = [c for c in free if not re.fullmatch(_OTHER_UNIT, bracketed(c.name).lower())]
+    free = [c for c in columns if not c.role and not _is_other(c.name, bracketed(c.name))]
     named = {c.role for c in columns if c.role}
     sure = {c.role for c in columns if c.sure}
     names = " or ".join(c.name for c in free)
