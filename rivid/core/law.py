@@ -115,8 +115,9 @@ def shown(days: Days, share: float) -> Likelihood:
         T = np.exp(m)
         whole = np.floor(T) if share < 1.0 else T - 0.5
         q = np.maximum(whole + centre + share * (T - whole - 0.5), 1e-3)
-        z = (np.log(days.T[rows]) - np.log(q)[:, None]) / s
-        return np.asarray(_log_pdf(z) - np.log(s * days.T[rows]))
+        log_p = _log_pdf(np.log(days.T[rows]) / s - np.log(q)[:, None] / s)
+        log_p -= np.log(s * days.T[rows])
+        return log_p
 
     return log_likelihood
 
@@ -154,7 +155,12 @@ def hidden(days: Days) -> Likelihood:
 
 def _log_pdf(z: Floats) -> Floats:
     """Log density of Student's t of 4."""
-    return np.asarray(np.log(0.375) - 2.5 * np.log1p(z * z / TAILS))
+    w = z * z  # in place: new arrays of this size take most of the time of the law
+    w += TAILS
+    np.log(w, out=w)
+    w *= -2.5
+    w += np.log(0.375) + 2.5 * np.log(TAILS)
+    return w
 
 
 def posterior(days: Days, log_likelihood: Likelihood) -> Posterior:
