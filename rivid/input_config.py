@@ -149,7 +149,7 @@ class InputConfig(Section):
     ] = {}
     time_zone: Annotated[str | None, Means("zone of a clock without offset, such as `Europe/Paris`")] = None
     time_format: Annotated[
-        str | None, Means("format of times that are not ISO 8601 (strptime), `unix` or `unix_ms`")
+        str | None, Means("format of times that are not ISO 8601 (strptime), `unix`, `unix_ms` or `excel`")
     ] = None
     zone_column: Annotated[str | None, Means("column that names the zone of each row")] = None
     zones: Annotated[dict[str, str], Means('offsets of these names: `MST = "-07:00"`')] = {}
@@ -301,10 +301,10 @@ class InputConfig(Section):
     @field_validator("time_format")
     @classmethod
     def _readable_format(cls, value: str | None) -> str | None:
-        if value is None or value in ("unix", "unix_ms"):
+        if value is None or value in ("unix", "unix_ms", "excel"):
             return value
         moment = dt.datetime(2008, 3, 14, 13, 5, tzinfo=dt.UTC)
-        expected = 'expected one like "%d/%m/%Y %H:%M", or "unix" or "unix_ms"'
+        expected = 'expected one like "%d/%m/%Y %H:%M", or "unix", "unix_ms" or "excel"'
         try:
             back = dt.datetime.strptime(moment.strftime(value), value)
         except ValueError as error:

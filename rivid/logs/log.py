@@ -9,7 +9,7 @@ import datetime as dt
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial, reduce
+from functools import lru_cache, reduce
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,12 @@ import pyarrow.csv as pc
 from rivid.errors import DataError
 from rivid.logs.formats import as_text
 from rivid.logs.spec import (
+    COUNTS,
     DAY,
     FIRST,
     LAST,
     MANY,
     MICRO,
-    UNIX,
     CutError,
     Signal,
     Spec,
@@ -74,7 +74,7 @@ _FOOTER = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 
 def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
     """The columns of a clean CSV log in UTF-8; None where it needs the tolerant reader."""
     given, (names, begin, line) = spec.input, header
-    odd = given.separator == " " or len(spec.time) > 1 or given.thousands or given.time_format in UNIX
+    odd = given.separator == " " or len(spec.time) > 1 or given.thousands or given.time_format in COUNTS
     if odd or not spec.plain or content[-1:] not in b"\r\n" or "%z" in (given.time_format or "").lower():
         return None
     offset = _first_offset(content, header, spec) if given.time_format is None else ""
@@ -160,35 +160,53 @@ def read_parquet(
         raise DataError(f"{name} is a damaged Parquet file: {' '.join(str(error).split())[:200]}") from None
 
 
-def _unpack(
-    content: bytes, wanted: list[str] | None, spec: Spec, name: str, limits: tuple[int, int]
-) -> pa.Table:
-    """The wanted columns, or all, after a check of names, sizes and types."""
+def head_of_parquet(content: bytes, name: str, rows: int) -> bytes:
+    """The first rows of a Parquet file as CSV, to be looked at as a text file is."""
+    sink = pa.BufferOutputStream()
+    try:
+        batches = _opened(content, name, MANY).iter_batches(rows, use_threads=False)
+        pc.write_csv(pa.Table.from_batches([next(batches)]), sink)
+    except (pa.ArrowException, OSError, ValueError, StopIteration, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200] or "it holds no rows"
+        raise DataError(f"{name}: this Parquet file cannot be read as a table: {reason}") from None
+    return bytes(sink.getvalue())
+
+
+def _opened(content: bytes, name: str, limits: tuple[int, int], **given: Any) -> Any:
+    """A Parquet file, after a check of the sizes that it states."""
     import pyarrow.parquet as pq  # 65 ms, which a directory of CSV logs need not wait for
 
-    opened = partial(pq.ParquetFile, page_checksum_verification=True, **_FOOTER)
-    file = opened(pa.BufferReader(content))
-    schema = file.schema_arrow
-    check_names(schema.names, spec, name, some=wanted is None)
+    file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True, **_FOOTER, **given)
     metadata = file.metadata
     refuse_rows(name, metadata.num_rows, limits[1])
     unpacked = sum(max(metadata.row_group(i).total_byte_size, 0) for i in range(metadata.num_row_groups))
     refuse_size(name, unpacked, limits[0])
+    return file
+
+
+def _unpack(
+    content: bytes, wanted: list[str] | None, spec: Spec, name: str, limits: tuple[int, int]
+) -> pa.Table:
+    """The wanted columns, or all, after a check of names, sizes and types."""
+    file = _opened(content, name, limits)
+    schema = file.schema_arrow
+    check_names(schema.names, spec, name, some=wanted is None)
     read = wanted or [column for column in schema.names if schema.names.count(column) == 1]
     texts = [column for column in read if _is_text(schema.field(column).type)]
     for column in wanted or ():
         kind, expected = schema.field(column).type, ""
         is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-        counted = spec.input.time_format in UNIX and len(spec.time) == 1 and is_number
+        counted = is_number and (len(spec.time) > 1 or spec.input.time_format in COUNTS)
         if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
-            hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
+            hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms", '
+            hint += 'days of a spreadsheet "excel"'
             expected = f"times or text{hint if is_number else ''}"
         elif column in spec.sources and not is_number:
             expected = "numbers"
         if expected and column not in texts:
             raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
     if texts:  # as codes, so that a long text that many rows share stays one
-        file = opened(pa.BufferReader(content), read_dictionary=texts)
+        file = _opened(content, name, limits, read_dictionary=texts)
     table = file.read(columns=wanted, use_threads=False)
     for column in texts:
         for chunk in table[column].chunks:
@@ -277,13 +295,15 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
 
 
 def _times(column: pa.ChunkedArray, spec: Spec, bad: dict[int, str]) -> tuple[Ints, str | None]:
-    """Times [us], and their zone: that of the timestamps, or UTC of counts."""
+    """Times [us], and their zone: that of the timestamps or counts."""
     if pa.types.is_timestamp(column.type):
         zone = column.type.tz
         micros = column.cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
     else:
-        zone = "UTC"
-        micros = np.rint(column.cast(_FLOAT, safe=False).to_numpy() * UNIX[spec.input.time_format or ""])
+        time_format = spec.input.time_format or ""
+        zone = None if time_format == "excel" else "UTC"
+        steps, length, begin = COUNTS[time_format]
+        micros = np.rint((column.cast(_FLOAT, safe=False).to_numpy() - begin) * steps) * length
     known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
     _mark(np.isnan(micros), bad, "no time")
     _mark(~known, bad, "a year that no log is of")

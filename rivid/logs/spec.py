@@ -185,8 +185,9 @@ _QUARTER = 900 * MICRO  # offsets change at quarters of an hour only
 _DAY = 86_400 * MICRO
 _MICROSECOND = dt.timedelta(microseconds=1)
 _HOUR_24 = re.compile(r"(?<![\d:])24(?=:?00(?::?00(?:[.,]0+)?)?(?![\d:]))")
-# time formats that count seconds or milliseconds of UTC since 1970, as [us]
-UNIX = {"unix": MICRO, "unix_ms": 1000}
+# times that are numbers: steps in one, length of a step [us], and the number of 1970. They are UTC; those of
+# spreadsheets are days of a local clock, in steps of a second, since they have some five decimals
+COUNTS = {"unix": (MICRO, 1, 0), "unix_ms": (1000, 1, 0), "excel": (86_400, MICRO, 25_569)}
 
 
 @lru_cache(maxsize=4096)
@@ -273,15 +274,16 @@ def read_text(text: str, time_format: str | None) -> tuple[int, int | None] | No
     """A time's text as (microseconds, offset [s]); None where it is no such time or in a year of no log.
 
     With an offset the time is [us UTC], without (None) [us] on the local clock. `time_format` is that of
-    strptime, None for ISO 8601, "unix" or "unix_ms" for UTC. Hour 24:00 is the next day's 00:00.
+    strptime, None for ISO 8601, "unix" or "unix_ms" for UTC, or "excel". Hour 24:00 is the next day's 00:00.
     """
     text, later = text.strip(), 0
-    if time_format in UNIX:
+    if time_format in COUNTS:
+        steps, length, begin = COUNTS[time_format]
         try:
-            time = round(float(text) * UNIX[time_format])
+            time = round((float(text.replace(",", ".")) - begin) * steps) * length
         except (ValueError, OverflowError):
             return None
-        return (time, 0) if FIRST <= time < LAST else None
+        return (time, None if time_format == "excel" else 0) if FIRST <= time < LAST else None
     moment = _moment(text, time_format)
     if moment is None and _HOUR_24.search(text):
         moment, later = _moment(_HOUR_24.sub("00", text, count=1), time_format), _DAY

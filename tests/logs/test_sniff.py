@@ -4,6 +4,8 @@ import datetime as dt
 import tomllib
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from rivid.config import Config, parse
@@ -12,6 +14,7 @@ from rivid.logs.days import find_days, read_window
 from rivid.logs.exports import ingest
 from rivid.logs.sniff.columns import stated_unit
 from rivid.logs.sniff.propose import sniff
+from rivid.logs.spec import MICRO, read_text
 
 TIMES = [dt.datetime(2024, 5, 1) + dt.timedelta(minutes=15 * k) for k in range(97)]
 UP, DOWN, LEVEL = 100 + np.arange(97) % 7, 90 + np.arange(97) % 5, 5 + np.arange(97) % 3
@@ -221,6 +224,57 @@ def test_numbers_of_seconds_or_milliseconds_since_1970_are_times(name, unit, tim
     raw = tomllib.loads(sniff(path).toml)
     assert raw["input"]["time_format"] == time_format and raw["input"].get("time", "time") == name
     assert raw["reach"]["sample_time"] == 300
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ",")])
+def test_days_of_a_spreadsheet_are_times_with_a_question_and_are_read_to_the_second(
+    separator, decimal, tmp_path
+):
+    path = tmp_path / "export.csv"
+    rows = [
+        separator.join(str(v).replace(".", decimal) for v in (f"{45717 + k / 288:.6f}", *row))
+        for k, row in enumerate(zip(UP, DOWN, LEVEL + 0.5, strict=True))
+    ]
+    path.write_text("\n".join([separator.join(["Time", "inflow_m3s", "outflow_m3s", "level_m"]), *rows]))
+    proposal = sniff(path, "Etc/GMT-1")
+    raw = tomllib.loads(proposal.toml)
+    assert raw["input"]["time_format"] == "excel" and raw["reach"]["sample_time"] == 300
+    assert any("1899-12-30" in question for _, question in proposal.questions)
+    assert read_text(rows[1].split(separator)[0], "excel") == (1740787500 * MICRO, None)  # 2025-03-01 00:05
+
+
+@pytest.mark.parametrize(
+    ("names", "clock", "time_format"),
+    [
+        ("Year,Month,Day,Hour,Minute", "%Y,%-m,%-d,%-H,%-M", "%Y %m %d %H %M"),
+        ("year,mo,dy,hr,mi", "%Y,%-m,%-d,%-H,%-M", "%Y %m %d %H %M"),
+        ("Jahr,Monat,Tag,Zeit", "%Y,%m,%d,%H:%M", "%Y %m %d %H:%M"),
+    ],
+)
+def test_columns_of_year_month_and_day_are_a_time(names, clock, time_format, tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(wide(f"{names},inflow_m3s,outflow_m3s,level_m", UP, DOWN, LEVEL, clock=clock))
+    raw = tomllib.loads(sniff(path, "Etc/GMT-1").toml)
+    assert raw["input"]["time"] == names.split(",") and raw["input"]["time_format"] == time_format
+
+
+@pytest.mark.parametrize("typed", [True, False])
+def test_a_proposal_for_parquet_reads_it(typed, tmp_path):
+    times = pa.array(TIMES, pa.timestamp("us")) if typed else pa.array([t.isoformat(" ") for t in TIMES])
+    columns = {"when": times, "inflow_cfs": UP * 35.3, "outflow_cfs": DOWN * 35.3, "level_ft": LEVEL * 3.3}
+    pq.write_table(pa.table(columns), tmp_path / "export.parquet")
+    text = sniff(tmp_path / "export.parquet", "Etc/GMT-1").toml
+    config = parse(tomllib.loads(text), Config)
+    done = ingest([tmp_path / "export.parquet"], tmp_path / "logs", config)
+    assert config.input.unit("u_Qi") == "cfs" and [day.status for day in done.days] == ["written"]
+
+
+def test_parquet_without_rows_or_of_lists_is_refused(tmp_path):
+    path = tmp_path / "export.parquet"
+    for column in (pa.array([], pa.float64()), pa.array([[1.0, 2.0]])):
+        pq.write_table(pa.table({"u": column}), path)
+        with pytest.raises(DataError, match=r"export.parquet: "):
+            sniff(path)
 
 
 @pytest.mark.parametrize(

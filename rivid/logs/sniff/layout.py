@@ -29,8 +29,17 @@ FORMATS: tuple[str | None, ...] = (
 # length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05
 _DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12, "%Y%m%d%H": 10}
 _CLOCK = re.compile(r"\d{1,2}[:.]\d\d([:.]\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
-# formats of times that are numbers, and the least number of each: 1973. The years to 2099 do not overlap
-EPOCHS = {"unix": 1e8, "unix_ms": 1e11}
+# formats of times that are numbers, and the range of each: 1973 to 2099, which do not overlap
+EPOCHS = {"unix": (1e8, 41e8), "unix_ms": (1e11, 41e11), "excel": (26_665.0, 73_051.0)}
+# columns that are parts of a time, by their names
+_PARTS = {
+    "%Y": r"years?|yr|yyyy|jahr|ann[ée]e|a[ñn]o|anno",
+    "%m": r"months?|mon?|mm|monat|mois|mes|mese",
+    "%d": r"days?|dy|dd|tag|jour|d[ií]a|giorno",
+    "%H": r"hours?|hr|h|hh|stunde|heure|hora|ora",
+    "%M": r"min(ut[eo]s?)?|mi",
+    "%S": r"sec(onds?)?|ss|sek(unde)?|seconde|segundo",
+}
 # names of columns of times
 _TIME = r"time|stamp|unix|epoch|dat[eau]|zeit|fecha|heure|utc|(?<![a-z])(h?ora|ts?)(?![a-z])"
 FEWEST_STEPS = 10  # of numbers that are times because they rise in equal steps
@@ -241,18 +250,43 @@ def _looks_like_data(cell: str) -> bool:
 def guess_time(layout: Layout) -> bool:
     """Find the columns and the format of the time; False where no column reads as times."""
     rows = layout.rows
+    if _from_parts(layout):
+        return True
     for at in range(len(layout.names)):
         clock = at + 1
         has_clock = clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50])
         if (has_clock and _guess_format(layout, (at, clock))) or _guess_format(layout, (at,)):
             return True
     for at, name in enumerate(layout.names):
-        counts = [number(row[at]) or 0.0 for row in rows]
+        counts = [number(row[at].replace(",", ".")) or 0.0 for row in rows]
         likely = re.search(_TIME, name, re.I) or (at == 0 and all(a < b for a, b in pairwise(counts)))
-        for time_format, least in EPOCHS.items() if likely else ():
-            if sum(least <= count < 41 * least for count in counts) >= 0.95 * len(counts):
-                return _guess_format(layout, (at,), (time_format,))
+        for time_format, (least, most) in EPOCHS.items() if likely else ():
+            if sum(least <= count < most for count in counts) < 0.95 * len(counts):
+                continue
+            if time_format == "excel":
+                if not 0.0 < counts[-1] - counts[0] < len(counts):  # rows of days are no log
+                    continue
+                layout.doubt = (
+                    f"{name!r} has numbers: they are read as days since 1899-12-30, of a spreadsheet"
+                )
+            return _guess_format(layout, (at,), (time_format,))
     return any(_from_a_begin(layout, at) for at in range(len(layout.names)))
+
+
+def _from_parts(layout: Layout) -> bool:
+    """Read a column for each of year, month and day, and for hour, minute and second or for the clock."""
+    names = [name.strip() for name in layout.names]
+    at = {
+        part: i for part, pattern in _PARTS.items() for i, name in enumerate(names)
+        if re.fullmatch(pattern, name, re.I)
+    }  # fmt: skip
+    if not {"%Y", "%m", "%d"} <= at.keys():
+        return False
+    columns, formats = tuple(at.values()), [" ".join(at)]
+    clock = [i for i in range(len(names)) if all(_CLOCK.fullmatch(row[i]) for row in layout.rows[:50])]
+    if "%H" not in at and clock:
+        columns, formats = (*columns, clock[0]), [f"{formats[0]} {one}" for one in _CLOCKS]
+    return _guess_format(layout, columns, formats)
 
 
 def _from_a_begin(layout: Layout, at: int) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
+from rivid.logs.log import head_of_parquet
 from rivid.logs.sniff.columns import (
     Group,
     Questions,
@@ -60,9 +61,7 @@ def _look(path: Path) -> Layout:
     name = shown(path.name)
     content, _ = read_bytes(path, name, MANY[0])
     if content[:4] == b"PAR1" or path.suffix.lower() == ".parquet":
-        raise DataError(
-            f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
-        )
+        content = head_of_parquet(content, name, HEAD_ROWS)
     content = as_text(content, name)
     whole, bigendian = len(content) <= HEAD_BYTES, content[:2] == b"\xfe\xff"
     tail = content[-(TAIL + len(content) % 2) :]  # an even number of bytes from the end or from the beginning
@@ -75,7 +74,7 @@ def _look(path: Path) -> Layout:
         raise DataError(
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             'set [input] time and time_format: that of strptime, "unix" for s since 1970 or another begin, '
-            '"unix_ms" for ms'
+            '"unix_ms" for ms, "excel" for the days of a spreadsheet'
         )
     encoding = layout.encoding
     if encoding == "utf-16":  # the byte order mark is at the other end
