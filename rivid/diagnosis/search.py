@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
+from itertools import chain, groupby, product
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,8 @@ import numpy as np
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted
-from rivid.diagnosis.fit import WIND, Model, residual_of
-from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
+from rivid.diagnosis.fit import MEMORY, WIND, Model, residual_of
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN, NoiseModel
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -40,11 +40,18 @@ class Candidate:
 
     effect: Effect
     free: tuple[str, ...]
-    gain: float  # of the log-likelihood, linearised, with unchanged noise [nats]
+    gain: float  # of the log-likelihood, linearised [nats]
     log_prior: float  # of its window [nats]
     shift: Floats  # (k,): change of the explanation's own parameters
     make: Callable[[float], Effect]  # the effect at a multiple of its size
     columns: Floats  # (k, days, n): of its trial on all days
+    size: Floats  # (k,): multiples of these columns
+    noise: NoiseModel | None = None  # with which it was found, if not that of the explanation
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """Name, dates and hours."""
+        return self.effect.name, self.effect.dates, self.effect.hours
 
     @property
     def worth(self) -> float:
@@ -111,6 +118,44 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
         on = ((hour >= h) & (hour < h + 1)).astype(float)
         columns[h] = np.fft.irfft(np.fft.rfft(on, size, axis=1) * spectrum, size, axis=1)[:, :n]
     return columns
+
+
+def candidates(one: Explanation, library: Library, record: Record) -> list[Candidate]:
+    """Return the two best candidates of each name, best first, with the noise that the best one leaves.
+
+    What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
+    dates and most of its gain disappear. Therefore candidates are also found with the noise that is fitted
+    to the residual less the best candidate. This is the best one with the noise of the explanation, and with
+    weather of a memory up to the geometric middle of the plausible ones. Their gains include what the
+    explanation loses with that noise.
+    """
+    few = record.take(one.weights > 0.0)
+    weights = one.weights[one.weights > 0.0]
+
+    def fit(start: Explanation, less: Floats, memory: float) -> Explanation:
+        left = np.where(few.used, (one.residual - less)[one.weights > 0.0], np.nan)
+        noise = start.model.fit_noise(left, few, weights, memory=memory)
+        return replace(one, model=replace(one.model, noise=noise))
+
+    def likelihood(other: Explanation) -> float:
+        seen = np.where(few.used, one.residual[one.weights > 0.0], np.nan)
+        return float(other.noise.log_likelihood(seen, few.activity) @ weights)
+
+    middle = float(np.sqrt(np.prod(MEMORY)))
+    short, before = fit(one, 0.0 * one.residual, middle), likelihood(one)
+    found = [screened(one, library, record)]
+    tops = {o.kind: o for o in (*found[0][:1], *screened(short, library, record)[:1])}
+    for top in tops.values():
+        acting = one.active(record, top.effect)[:, None]
+        output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
+        other = fit(short, output, MEMORY[1])
+        lost, more = before - likelihood(other), screened(other, library, record)
+        found.append([replace(o, gain=o.gain - lost, noise=other.noise) for o in more])
+    best: dict[str, list[Candidate]] = {}
+    for some in found:
+        for name, same in groupby(sorted(some, key=lambda o: o.effect.name), lambda o: o.effect.name):
+            best[name] = max(best.get(name, []), [*same], key=lambda of: of[0].worth if of else -np.inf)
+    return sorted(chain(*best.values()), key=lambda o: -o.worth)
 
 
 def screened(
@@ -204,7 +249,7 @@ def _windows(
         effect, shift = trial.make(b[i]), -G @ (C[i] @ b[i]) * sd
         if i > 0:
             effect = replace(effect, dates=_dates(record, open_days, int(first[i]), int(end[i])))
-        found.append(candidate_of(effect, trial, columns, float(gain[i]), float(prior[i]), shift))
+        found.append(candidate_of(effect, trial, columns, float(gain[i]), float(prior[i]), shift, b[i]))
     return found
 
 
@@ -215,8 +260,8 @@ def _summed(a: Floats, first: Ints, end: Ints) -> Floats:
 
 
 def candidate_of(
-    whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats
-) -> Candidate:
+    whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats, size: Floats
+) -> Candidate:  # fmt: skip
     """Return a candidate of a trial from an effect of its kind, of any size and dates."""
     key = trial.free[0]
     value = getattr(whole, key)
@@ -226,7 +271,7 @@ def candidate_of(
             return whole.with_values(**{key: tuple(whole.clipped(key, share * one) for one in value)})
         return whole.with_values(**{key: whole.clipped(key, share * value)})
 
-    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
+    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns, size)
 
 
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
@@ -363,7 +408,7 @@ def _hourly(
         effect = replace(trial.make(np.array([size])), hours=(float(start), float(until)), dates=dates)
         price = float(prior[row] - np.log(HOURS_A_DAY * (HOURS_A_DAY - 1)))
         whole = columns[hours].sum(axis=0)[None]
-        found.append(candidate_of(effect, trial, whole, gain, price, -bent * size * sd))
+        found.append(candidate_of(effect, trial, whole, gain, price, -bent * size * sd, np.array([size])))
     return found
 
 
@@ -411,7 +456,9 @@ CODINGS = 2  # searches for events: the second one is refined and uses the noise
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
     """Return an explanation with one more effect in the simulator, all parameters fitted together."""
-    model, p = parent.model, len(parent.model.reach.parameters)
+    model, p, start = parent.model, len(parent.model.reach.parameters), parent
+    if candidate.noise is not None:
+        start = replace(parent, model=replace(model, noise=candidate.noise))
     tried: list[tuple[float, float, Model]] = []
     opened = np.flatnonzero(parent.weights > 0.0)
     acting = np.argsort(-np.sum(candidate.columns[:, opened] ** 2, axis=(0, 2)), kind="stable")
@@ -426,7 +473,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),
                 free=(*model.free, candidate.free),
             )  # fmt: skip
-            tried.append((squares_left(larger, parent, record, some), share, larger))
+            tried.append((squares_left(larger, start, record, some), share, larger))
         except RividError:
             continue
     if not tried:
@@ -435,10 +482,10 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     for key in set(candidate.free) & set(candidate.effect.stepwise):
         others = stepped(larger.effects[-1], key, record)
         models = [replace(larger, effects=(*larger.effects[:-1], other)) for other in others]
-        larger = min(models, key=lambda one: squares_left(one, parent, record))
+        larger = min(models, key=lambda one: squares_left(one, start, record))
     return fitted(
         larger, record, parent.weights > 0.0, draft=parent.extended(log_prior + candidate.log_prior),
-        start=parent, fresh=2 if share > 1.0 else 0,
+        start=start, fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
 
 

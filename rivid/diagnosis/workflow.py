@@ -39,6 +39,7 @@ from rivid.diagnosis.search import (
     Library,
     Window,
     candidate_of,
+    candidates,
     scatter_of,
     screened,
     swung,
@@ -313,11 +314,11 @@ class _Search:
         return self.libraries[name]
 
     def _promise(self, one: Explanation, part: Record) -> float:
-        """Estimate an effect's largest gain [nats per day]: twice the linear one, since the noise shrinks."""
+        """Estimate an effect's largest gain [nats per day]."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
-        found = screened(one, self._columns(one, part), part)
-        return 2.0 * found[0].gain / part.days if found else 0.0
+        found = candidates(one, self._columns(one, part), part)
+        return found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
         """Return a model of a response with the initial effects only."""
@@ -372,7 +373,7 @@ class _Search:
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
         found = [
-            c for c in screened(parent, library, record)
+            c for c in candidates(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
@@ -432,7 +433,7 @@ class _Search:
         prior = -float(np.log(days * (days + 1) / 2))
         first = {trial.name: (trial, columns) for trial, columns in library.trials[::-1]}
         able = [effect for effect in self.dated if effect.name in first]
-        return [candidate_of(effect, *first[effect.name], 0.0, prior, still) for effect in able]
+        return [candidate_of(effect, *first[effect.name], 0.0, prior, still, still) for effect in able]
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add unknown flows that repeat every day, over the season and in the windows of the best candidates,
@@ -520,8 +521,9 @@ class _Search:
         if effect is None or parent is None or effect.found_as:
             return
         best: dict[str, Candidate] = {}
-        for one in screened(parent, self._library(parent), self.record, beside=effect):
-            best.setdefault(one.effect.name, one)
+        noisy = replace(parent, model=replace(parent.model, noise=lead.noise))
+        for one in screened(noisy, self._library(parent), self.record, beside=effect):
+            best.setdefault(one.effect.name, replace(one, noise=lead.noise))
         self._grow(parent, [_near(one, self.record) for one in best.values()])
 
     def polished(self, lead: Explanation) -> Explanation:
@@ -682,13 +684,22 @@ class _Search:
         for one in likely:  # and all that they extend
             likely += [one.parent] if one.parent is not None and one.parent not in likely else []
         for one in sorted(likely, key=lambda o: len(o.names)):
-            now = [o for o in leading(self.pool, self.opened) if o.model.reach.name == one.model.reach.name]
-            same = [o for o in now if o.count == one.count and o.unknown == one.unknown and alike(o, one)]
+            same = self._twins(one)
             twins = [_as_twin(one, one, o, one.parent) for o in same]
             if (parent := one.parent) is not None:
-                near = (o for o in now if o.count == parent.count and o.unknown == parent.unknown)
-                twins += [_as_twin(one, parent, o, o) for o in near if alike(o, parent)]
+                twins += [_as_twin(one, parent, o, o) for o in self._twins(parent)]
             self._polished([*same, *(o for o in twins if o is not None)], one)
+        # Another maximum of the response can be worth more than the choice: rivals settle as the lead did.
+        lead = self.lead()
+        if lead.parent is not None:
+            least = 0.5 * (self.score(lead) + self.score(lead.parent))
+            side_by_side(self._settled, [o for o in self._twins(lead) if self.score(o) > least])
+
+    def _twins(self, one: Explanation) -> list[Explanation]:
+        """Return what is confounded with an explanation and has the same response."""
+        kind = one.count, one.unknown, one.model.reach.name
+        pool = leading(self.pool, self.opened)
+        return [o for o in pool if (o.count, o.unknown, o.model.reach.name) == kind and alike(o, one)]
 
     def varied(self, lead: Explanation) -> Explanation:
         """Return `lead` with a size of its last effect that varies with the date, if that predicts better."""

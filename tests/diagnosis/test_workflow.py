@@ -528,7 +528,7 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
     """All were fitted from a response that the first showed to be biased, then again from a better one."""
     classes = {name: CATALOGUE[name] for name in ("leakage", "outflow_lag", "outflow_gain_error")}
     found = [SimpleNamespace(effect=one(), worth=9.0, columns=None) for one in classes.values()]
-    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *given: found)
+    monkeypatch.setattr("rivid.diagnosis.workflow.candidates", lambda *given: found)
     biased, better = explained(), explained()
 
     def grown(again):
@@ -556,7 +556,7 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_pulses_that_enter_are_no_unknown_flow_beside_pulses_that_leave(monkeypatch, sign):
     """Regression: beside lock pulses, which paid for them, they were an unknown flow of 0.64."""
-    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *given: [])
+    monkeypatch.setattr("rivid.diagnosis.workflow.candidates", lambda *given: [])
     tried = []
     search = SimpleNamespace(
         record=pools.season(6, DAYS, (), T_S), classes={"rain_inflow": CATALOGUE["rain_inflow"]}, pool=[],
@@ -653,13 +653,19 @@ def test_twins_of_what_is_probable_are_refitted_from_its_response():
     twin = explained("outflow_gain_error", 8.0, 0.5, parent=nothing)
     other = explained("wind_setup", 7.0, 0.5, parent=nothing)
     also = explained("outflow_gain_error", 1.0, 0.5, parent=nothing, unknown="gauge")
-    refitted = []
+    refitted, settled = [], []
     search = SimpleNamespace(
-        pool=[nothing, lead, twin, other, also], opened=OPEN, dealt=SPLIT,
+        pool=[nothing, lead, twin, other, also], opened=OPEN, dealt=SPLIT, lead=lambda: lead,
+        score=lambda one: float(one.density[OPEN].sum()), _settled=settled.append,
+        _twins=lambda one: _Search._twins(search, one),
         _polished=lambda many, near: refitted.extend((one, near) for one in many),
     )  # fmt: skip
     _Search.level_twins(search)
     assert (twin, lead) in refitted and {one for one, _ in refitted} <= {lead, twin}
+    assert settled == [twin]
+    search.pool[2] = explained("outflow_gain_error", 4.0, 0.5, parent=nothing)  # less than half of the gain
+    _Search.level_twins(search)
+    assert settled == [twin]
 
 
 def test_a_twin_is_tried_as_the_other_is_with_its_dates_and_number_of_sizes_beside_the_same():
@@ -679,7 +685,8 @@ def test_a_twin_is_tried_as_the_other_is_with_its_dates_and_number_of_sizes_besi
     both = held(one, release, pond)
     refitted = {}
     search = SimpleNamespace(
-        pool=[nothing, one, twin, both], opened=OPEN, dealt=SPLIT,
+        pool=[nothing, one, twin, both], opened=OPEN, dealt=SPLIT, lead=lambda: nothing,
+        _twins=lambda one: _Search._twins(search, one),
         _polished=lambda many, near: refitted.setdefault(id(near), []).extend(many),
     )  # fmt: skip
     _Search.level_twins(search)
