@@ -49,11 +49,6 @@ class Candidate:
     noise: NoiseModel | None = None  # with which it was found, if not that of the explanation
 
     @property
-    def kind(self) -> tuple[Any, ...]:
-        """Name, dates and hours."""
-        return self.effect.name, self.effect.dates, self.effect.hours
-
-    @property
     def worth(self) -> float:
         """Gain minus the price of the window [nats]."""
         return self.gain + self.log_prior
@@ -129,26 +124,26 @@ def candidates(one: Explanation, library: Library, record: Record) -> list[Candi
     weather of a memory up to the geometric middle of the plausible ones. Their gains include what the
     explanation loses with that noise.
     """
-    few = record.take(one.weights > 0.0)
-    weights = one.weights[one.weights > 0.0]
+    opened = one.weights > 0.0
+    few, weights = record.take(opened), one.weights[opened]
+    seen = np.where(few.used, one.residual[opened], np.nan)
 
-    def fit(start: Explanation, less: Floats, memory: float) -> Explanation:
-        left = np.where(few.used, (one.residual - less)[one.weights > 0.0], np.nan)
+    def fit(start: Explanation, left: Floats, memory: float) -> Explanation:
         noise = start.model.fit_noise(left, few, weights, memory=memory)
         return replace(one, model=replace(one.model, noise=noise))
 
     def likelihood(other: Explanation) -> float:
-        seen = np.where(few.used, one.residual[one.weights > 0.0], np.nan)
         return float(other.noise.log_likelihood(seen, few.activity) @ weights)
 
     middle = float(np.sqrt(np.prod(MEMORY)))
-    short, before = fit(one, 0.0 * one.residual, middle), likelihood(one)
+    short, before = fit(one, seen, middle), likelihood(one)
     found = [screened(one, library, record)]
-    tops = {o.kind: o for o in (*found[0][:1], *screened(short, library, record)[:1])}
+    both = *found[0][:1], *screened(short, library, record)[:1]
+    tops = {(o.effect.name, o.effect.dates, o.effect.hours): o for o in both}
     for top in tops.values():
         acting = one.active(record, top.effect)[:, None]
         output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
-        other = fit(short, output, MEMORY[1])
+        other = fit(short, seen - output[opened], MEMORY[1])
         lost, more = before - likelihood(other), screened(other, library, record)
         found.append([replace(o, gain=o.gain - lost, noise=other.noise) for o in more])
     best: dict[str, list[Candidate]] = {}
