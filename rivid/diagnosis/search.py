@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain, groupby, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted
 from rivid.diagnosis.fit import MEMORY, WIND, Model, residual_of
-from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN, NoiseModel
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -46,7 +46,11 @@ class Candidate:
     make: Callable[[float], Effect]  # the effect at a multiple of its size
     columns: Floats  # (k, days, n): of its trial on all days
     size: Floats  # (k,): multiples of these columns
-    noise: NoiseModel | None = None  # with which it was found, if not that of the explanation
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """Name, dates and hours."""
+        return self.effect.name, self.effect.dates, self.effect.hours
 
     @property
     def worth(self) -> float:
@@ -115,14 +119,15 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
-def candidates(one: Explanation, library: Library, record: Record) -> list[Candidate]:
-    """Return the two best candidates of each name, best first, with the noise that the best one leaves.
+def screened_again(
+    one: Explanation, found: Sequence[Candidate], library: Library, record: Record
+) -> list[Candidate]:
+    """Return the candidates with the noise that the best one leaves, two of each name, best first.
 
     What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
-    dates and most of its gain disappear. Therefore candidates are also found with the noise that is fitted
-    to the residual less the best candidate. This is the best one with the noise of the explanation, and with
-    weather of a memory up to the geometric middle of the plausible ones. Their gains include what the
-    explanation loses with that noise.
+    dates and most of its gain disappear. Therefore the noise is fitted to the residual less the best
+    candidate: that of `found`, with the noise of the explanation, and that with weather of a memory up to the
+    geometric middle of the plausible ones. Gains include what the explanation loses with that noise.
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
@@ -135,22 +140,16 @@ def candidates(one: Explanation, library: Library, record: Record) -> list[Candi
     def likelihood(other: Explanation) -> float:
         return float(other.noise.log_likelihood(seen, few.activity) @ weights)
 
-    middle = float(np.sqrt(np.prod(MEMORY)))
-    short, before = fit(one, seen, middle), likelihood(one)
-    found = [screened(one, library, record)]
-    both = *found[0][:1], *screened(short, library, record)[:1]
-    tops = {(o.effect.name, o.effect.dates, o.effect.hours): o for o in both}
+    short = fit(one, seen, float(np.sqrt(np.prod(MEMORY))))
+    tops = {top.kind: top for top in (*found[:1], *screened(short, library, record)[:1])}
+    more: list[Candidate] = []
     for top in tops.values():
         acting = one.active(record, top.effect)[:, None]
         output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
         other = fit(short, seen - output[opened], MEMORY[1])
-        lost, more = before - likelihood(other), screened(other, library, record)
-        found.append([replace(o, gain=o.gain - lost, noise=other.noise) for o in more])
-    best: dict[str, list[Candidate]] = {}
-    for some in found:
-        for name, same in groupby(sorted(some, key=lambda o: o.effect.name), lambda o: o.effect.name):
-            best[name] = max(best.get(name, []), [*same], key=lambda of: of[0].worth if of else -np.inf)
-    return sorted(chain(*best.values()), key=lambda o: -o.worth)
+        lost = likelihood(one) - likelihood(other)
+        more += [replace(o, gain=o.gain - lost) for o in screened(other, library, record)]
+    return _two_each(more)
 
 
 def screened(
@@ -194,6 +193,11 @@ def screened(
         reset = products(white(before[None])) if any(one.set_right for one in trial.effects) else None
         given = trial, columns, *products(w), G, base.sd, record, open_days
         found += _hourly(*given) if trial.hourly else _windows(*given, beside, reset)
+    return _two_each(found)
+
+
+def _two_each(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the two best candidates of each name, best first."""
     kept, count = list[Candidate](), Counter[str]()
     for one in sorted(found, key=lambda one: -one.worth):
         count[one.effect.name] += 1
@@ -451,9 +455,7 @@ CODINGS = 2  # searches for events: the second one is refined and uses the noise
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
     """Return an explanation with one more effect in the simulator, all parameters fitted together."""
-    model, p, start = parent.model, len(parent.model.reach.parameters), parent
-    if candidate.noise is not None:
-        start = replace(parent, model=replace(model, noise=candidate.noise))
+    model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
     opened = np.flatnonzero(parent.weights > 0.0)
     acting = np.argsort(-np.sum(candidate.columns[:, opened] ** 2, axis=(0, 2)), kind="stable")
@@ -468,7 +470,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),
                 free=(*model.free, candidate.free),
             )  # fmt: skip
-            tried.append((squares_left(larger, start, record, some), share, larger))
+            tried.append((squares_left(larger, parent, record, some), share, larger))
         except RividError:
             continue
     if not tried:
@@ -477,10 +479,10 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     for key in set(candidate.free) & set(candidate.effect.stepwise):
         others = stepped(larger.effects[-1], key, record)
         models = [replace(larger, effects=(*larger.effects[:-1], other)) for other in others]
-        larger = min(models, key=lambda one: squares_left(one, start, record))
+        larger = min(models, key=lambda one: squares_left(one, parent, record))
     return fitted(
         larger, record, parent.weights > 0.0, draft=parent.extended(log_prior + candidate.log_prior),
-        start=start, fresh=2 if share > 1.0 else 0,
+        start=parent, fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
 
 

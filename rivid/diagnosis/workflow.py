@@ -39,9 +39,9 @@ from rivid.diagnosis.search import (
     Library,
     Window,
     candidate_of,
-    candidates,
     scatter_of,
     screened,
+    screened_again,
     swung,
     windows_near,
     with_effect,
@@ -314,11 +314,11 @@ class _Search:
         return self.libraries[name]
 
     def _promise(self, one: Explanation, part: Record) -> float:
-        """Estimate an effect's largest gain [nats per day]."""
+        """Estimate an effect's largest gain [nats per day]: twice the linear one, since the noise shrinks."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
-        found = candidates(one, self._columns(one, part), part)
-        return found[0].gain / part.days if found else 0.0
+        found = screened(one, self._columns(one, part), part)
+        return 2.0 * found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
         """Return a model of a response with the initial effects only."""
@@ -372,12 +372,16 @@ class _Search:
             self.extended.add(tuple(sorted(parent.names)))
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
-        found = [
-            c for c in candidates(parent, library, record)
-            if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
-        ]  # fmt: skip
+
+        def able(effect: Effect) -> bool:
+            return (effect.name not in taken or effect.repeatable) and taken.isdisjoint(effect.twins)
+
+        found = [one for one in screened(parent, library, record) if able(one.effect)]
+        more = [one for one in screened_again(parent, found, library, record) if able(one.effect)]
+        tried = _worth_trying(found)
+        tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
-        wanted = [_near(one, record) for one in (*_worth_trying(found), *dated)]
+        wanted = [_near(one, record) for one in (*tried, *dated)]
         if early:  # all others begin at the response of the first one, if that is better
             self._grow(parent, wanted[:1])
             if (again := self.again(parent)) is not parent:
@@ -521,9 +525,8 @@ class _Search:
         if effect is None or parent is None or effect.found_as:
             return
         best: dict[str, Candidate] = {}
-        noisy = replace(parent, model=replace(parent.model, noise=lead.noise))
-        for one in screened(noisy, self._library(parent), self.record, beside=effect):
-            best.setdefault(one.effect.name, replace(one, noise=lead.noise))
+        for one in screened(parent, self._library(parent), self.record, beside=effect):
+            best.setdefault(one.effect.name, one)
         self._grow(parent, [_near(one, self.record) for one in best.values()])
 
     def polished(self, lead: Explanation) -> Explanation:
