@@ -24,7 +24,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted
 from rivid.diagnosis.fit import MEMORY, WIND, Model, residual_of
-from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN, NoiseModel
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -131,24 +131,42 @@ def screened_again(
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
-    seen = np.where(few.used, one.residual[opened], np.nan)
+    free = one.model.reach.parameters
+    off = np.zeros(len(one.sd))
+    off[: len(free)] = (vector_of(one.model.reach) - [p.mean for p in free]) / one.sd[: len(free)]
 
-    def fit(start: Explanation, left: Floats, memory: float) -> Explanation:
-        noise = start.model.fit_noise(left, few, weights, memory=memory)
-        return replace(one, model=replace(one.model, noise=noise))
+    def seen(residual: Floats) -> Floats:
+        return np.where(few.used, residual[opened], np.nan)
 
-    def likelihood(other: Explanation) -> float:
-        return float(other.noise.log_likelihood(seen, few.activity) @ weights)
+    def moved(residual: Floats, start: NoiseModel, memory: float) -> tuple[Explanation, Floats, float]:
+        """Return `one` with the noise of a residual, its own parameters moved to the optimum with that noise,
+        the steps in prior standard deviations, and the log posterior."""
+        model = replace(one.model, noise=start)
+        noise = model.fit_noise(seen(residual), few, weights, memory=memory)
+        z, root = seen(one.residual), np.sqrt(weights)[:, None]
+        r = noise.whiten(z, activity=few.activity) * root
+        X = noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
+        X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
+        step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - off))
+        left = one.residual - np.tensordot(step * one.sd, one.columns, 1)
+        value = (
+            float(noise.log_likelihood(seen(left), few.activity) @ weights) - 0.5 * ((off + step) ** 2).sum()
+        )
+        return replace(one, residual=left, model=replace(model, noise=noise)), step * one.sd, value
 
-    short = fit(one, seen, float(np.sqrt(np.prod(MEMORY))))
-    tops = {top.kind: top for top in (*found[:1], *screened(short, library, record)[:1])}
+    before = (
+        float(one.noise.log_likelihood(seen(one.residual), few.activity) @ weights) - 0.5 * (off**2).sum()
+    )
+    short, _, _ = moved(one.residual, one.noise, float(np.sqrt(np.prod(MEMORY))))
+    tops = {top.kind: (top, short) for top in screened(short, library, record)[:1]}
+    tops |= {top.kind: (top, one) for top in found[:1]}
     more: list[Candidate] = []
-    for top in tops.values():
+    for top, base in tops.values():
         acting = one.active(record, top.effect)[:, None]
         output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
-        other = fit(short, seen - output[opened], MEMORY[1])
-        lost = likelihood(one) - likelihood(other)
-        more += [replace(o, gain=o.gain - lost) for o in screened(other, library, record)]
+        other, step, value = moved(base.residual - output, short.noise, MEMORY[1])
+        again = screened(other, library, record)
+        more += [replace(o, gain=o.gain + value - before, shift=o.shift + step) for o in again]
     return _two_each(more)
 
 

@@ -346,8 +346,8 @@ def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_
         plain.append(first.gain)
         found.append(best.gain)
         actual.append(most - before)
-    assert sum(plain) < 0.6 * sum(actual)
-    assert 0.75 * sum(actual) < sum(found) < 1.1 * sum(actual)
+    assert sum(plain) < 0.55 * sum(actual)
+    assert 0.7 * sum(actual) < sum(found) < sum(actual)  # a fit finds a better noise still
     quiet = pools.season(3, days=30)
     parent = pools.explained(quiet)
     assert all(one.worth < 8.0 for one in screened_again(parent, [], columns, quiet))
