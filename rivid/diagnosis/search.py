@@ -49,8 +49,9 @@ class Candidate:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """Name, dates and hours."""
-        return self.effect.name, self.effect.dates, self.effect.hours
+        """Name, dates, hours and place."""
+        effect = self.effect
+        return effect.name, effect.dates, effect.hours, getattr(effect, "place", None)
 
     @property
     def worth(self) -> float:
@@ -138,36 +139,33 @@ def screened_again(
     def seen(residual: Floats) -> Floats:
         return np.where(few.used, residual[opened], np.nan)
 
-    def moved(residual: Floats, start: NoiseModel, memory: float) -> tuple[Explanation, Floats, float]:
-        """Return `one` with the noise of a residual, its own parameters moved to the optimum with that noise,
-        the steps in prior standard deviations, and the log posterior."""
-        model = replace(one.model, noise=start)
-        noise = model.fit_noise(seen(residual), few, weights, memory=memory)
+    def log_posterior(noise: NoiseModel, residual: Floats, off: Floats) -> float:
+        return float(noise.log_likelihood(seen(residual), few.activity) @ weights - 0.5 * off @ off)
+
+    def moved(noise: NoiseModel) -> tuple[Explanation, Floats]:
+        """Move the parameters to the optimum with a noise; return the explanation and the step."""
         z, root = seen(one.residual), np.sqrt(weights)[:, None]
         r = noise.whiten(z, activity=few.activity) * root
         X = noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
         X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
         step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - off))
         left = one.residual - np.tensordot(step * one.sd, one.columns, 1)
-        value = (
-            float(noise.log_likelihood(seen(left), few.activity) @ weights) - 0.5 * ((off + step) ** 2).sum()
-        )
-        return replace(one, residual=left, model=replace(model, noise=noise)), step * one.sd, value
+        return replace(one, residual=left, model=replace(one.model, noise=noise)), step
 
-    before = (
-        float(one.noise.log_likelihood(seen(one.residual), few.activity) @ weights) - 0.5 * (off**2).sum()
-    )
-    short, _, _ = moved(one.residual, one.noise, float(np.sqrt(np.prod(MEMORY))))
+    before, middle = log_posterior(one.noise, one.residual, off), float(np.sqrt(np.prod(MEMORY)))
+    short, _ = moved(one.model.fit_noise(seen(one.residual), few, weights, memory=middle))
     tops = {top.kind: (top, short) for top in screened(short, library, record)[:1]}
     tops |= {top.kind: (top, one) for top in found[:1]}
-    more: list[Candidate] = []
+    best: dict[Any, Candidate] = {}
     for top, base in tops.values():
         acting = one.active(record, top.effect)[:, None]
         output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
-        other, step, value = moved(base.residual - output, short.noise, MEMORY[1])
-        again = screened(other, library, record)
-        more += [replace(o, gain=o.gain + value - before, shift=o.shift + step) for o in again]
-    return _two_each(more)
+        other, step = moved(short.model.fit_noise(seen(base.residual - output), few, weights))
+        more = log_posterior(other.noise, other.residual, off + step) - before
+        for o in screened(other, library, record):
+            o = replace(o, gain=o.gain + more, shift=o.shift + step * one.sd)
+            best[o.kind] = max(best.get(o.kind, o), o, key=lambda one: one.worth)
+    return _two_each([*best.values()])
 
 
 def screened(
