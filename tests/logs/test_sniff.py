@@ -249,6 +249,7 @@ def test_days_of_a_spreadsheet_are_times_with_a_question_and_are_read_to_the_sec
         ("Year,Month,Day,Hour,Minute", "%Y,%-m,%-d,%-H,%-M", "%Y %m %d %H %M"),
         ("year,mo,dy,hr,mi", "%Y,%-m,%-d,%-H,%-M", "%Y %m %d %H %M"),
         ("Jahr,Monat,Tag,Zeit", "%Y,%m,%d,%H:%M", "%Y %m %d %H:%M"),
+        ("Jahr,Monat,Tag", "%Y,%m,%d", "%Y %m %d"),  # flows like 12.34 are no clock
     ],
 )
 def test_columns_of_year_month_and_day_are_a_time(names, clock, time_format, tmp_path):

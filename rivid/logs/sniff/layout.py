@@ -283,7 +283,8 @@ def _from_parts(layout: Layout) -> bool:
     if not {"%Y", "%m", "%d"} <= at.keys():
         return False
     columns, formats = tuple(at.values()), [" ".join(at)]
-    clock = [i for i in range(len(names)) if all(_CLOCK.fullmatch(row[i]) for row in layout.rows[:50])]
+    few = layout.rows[:50]  # 12.34 is a number
+    clock = [i for i in range(len(names)) if all(":" in row[i] and _CLOCK.fullmatch(row[i]) for row in few)]
     if "%H" not in at and clock:
         columns, formats = (*columns, clock[0]), [f"{formats[0]} {one}" for one in _CLOCKS]
     return _guess_format(layout, columns, formats)
