@@ -102,6 +102,18 @@ class TestParquet:
         assert (data.output == a_day(DAY)[3]).all() and data.notes == ""
         assert 'time_format = "unix" or "unix_ms"' in reason(tmp_path, time_zone="Etc/GMT-1")
 
+    def test_days_of_a_spreadsheet_and_parts_of_dates_are_of_the_local_clock(self, tmp_path):
+        clock = SINCE + 3600 + 133 * np.arange(650)
+        parquet(tmp_path, columns={"time": np.round(clock / 86_400 + 25_569, 6)})
+        data = read(tmp_path, time_format="excel", time_zone="Etc/GMT-1")
+        assert (data.output == a_day(DAY)[3]).all() and data.notes == ""
+        names = ("Y", "m", "d", "H", "M", "S")
+        moments = clock.astype("M8[s]").tolist()
+        parts = {name: [int(moment.strftime(f"%{name}")) for moment in moments] for name in names}
+        parquet(tmp_path, columns=parts)
+        data = read(tmp_path, time=[*names], time_format="%Y %m %d %H %M %S", time_zone="Etc/GMT-1")
+        assert (data.output == a_day(DAY)[3]).all()
+
     def test_counts_of_no_year_and_no_counts(self, tmp_path):
         times = (SINCE + 133 * np.arange(650)).astype(object)
         for wrong, part in ((2**62, "a year that no log is of"), (None, "no time")):
