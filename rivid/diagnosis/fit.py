@@ -110,32 +110,36 @@ class Model:
     noise_kind: NoiseKind = "plain"
 
     def fit_noise(
-        self, residual: Floats, record: Record, weights: Floats | None, alone: bool = True
-    ) -> NoiseModel:
-        """Fit noise of the model's kind to a residual (days, n); with `alone` from the present noise only."""
+        self, residual: Floats, record: Record, weights: Floats | None, alone: bool = True,
+        memory: float = MEMORY[1],
+    ) -> NoiseModel:  # fmt: skip
+        """Fit noise of the model's kind to a residual (days, n); with `alone` from the present noise only.
+
+        `memory` is the upper limit of the memory of the weather [s].
+        """
         level = self.noise_kind in ("wind", "gauge")
         white = 1.0 if self.reach.surface_area is None else WHITE
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
-            gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
-            starts=() if self.noise is None else (self.noise,), alone=alone,
+            gauge_floor=white * self.gauge_floor, activity=record.activity, alone=alone,
+            within=self.plausible(record, memory), starts=() if self.noise is None else (self.noise,),
         )  # fmt: skip
 
-    def plausible(self, record: Record) -> dict[str, tuple[float, float]]:
+    def plausible(self, record: Record, memory: float = MEMORY[1]) -> dict[str, tuple[float, float]]:
         """Return limits of the noise's fields: usual weather and gauge, except for what is unknown."""
         flow, T = max(abs(self.flow), 1e-9), record.sample_time
         wave = {"wave": (WAVE * T, max(T, self.reach.longest_wave))}
         if self.reach.surface_area is None:
             known = {
                 "level_sd": (0.0, WEATHER * flow),
-                "level_memory": MEMORY,
+                "level_memory": (MEMORY[0], memory),
                 "gauge_sd": (0.0, max(RATING * flow, 2.0 * self.gauge_floor)),
             }
             # an unknown flow may change at once
             return {} if self.noise_kind in ("flow", "gauge") else known | wave
         limits = wave | {"gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor))}
         if self.noise_kind != "flow":
-            limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
+            limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": (MEMORY[0], memory)}
         if self.noise_kind in ("plain", "wind"):
             limits["misfit"] = (0.0, MISFIT)
         if self.noise_kind != "gauge":  # unlogged flow has a memory, however large it is

@@ -23,8 +23,8 @@ import numpy as np
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted
-from rivid.diagnosis.fit import WIND, Model, residual_of
-from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
+from rivid.diagnosis.fit import MEMORY, WIND, Model, residual_of
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN, NoiseModel
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -40,11 +40,18 @@ class Candidate:
 
     effect: Effect
     free: tuple[str, ...]
-    gain: float  # of the log-likelihood, linearised, with unchanged noise [nats]
+    gain: float  # of the log-likelihood, linearised [nats]
     log_prior: float  # of its window [nats]
     shift: Floats  # (k,): change of the explanation's own parameters
     make: Callable[[float], Effect]  # the effect at a multiple of its size
     columns: Floats  # (k, days, n): of its trial on all days
+    size: Floats  # (k,): multiples of these columns
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """Name, dates, hours and place."""
+        effect = self.effect
+        return effect.name, effect.dates, effect.hours, getattr(effect, "place", None)
 
     @property
     def worth(self) -> float:
@@ -113,6 +120,54 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
+def screened_again(
+    one: Explanation, found: Sequence[Candidate], library: Library, record: Record
+) -> list[Candidate]:
+    """Return the candidates with the noise that the best one leaves, two of each name, best first.
+
+    What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
+    dates and most of its gain disappear. Therefore the noise is fitted to the residual less the best
+    candidate: that of `found`, with the noise of the explanation, and that with weather of a memory up to the
+    geometric middle of the plausible ones. Gains include what the explanation loses with that noise.
+    """
+    opened = one.weights > 0.0
+    few, weights = record.take(opened), one.weights[opened]
+    free = one.model.reach.parameters
+    off = np.zeros(len(one.sd))
+    off[: len(free)] = (vector_of(one.model.reach) - [p.mean for p in free]) / one.sd[: len(free)]
+
+    def seen(residual: Floats) -> Floats:
+        return np.where(few.used, residual[opened], np.nan)
+
+    def log_posterior(noise: NoiseModel, residual: Floats, off: Floats) -> float:
+        return float(noise.log_likelihood(seen(residual), few.activity) @ weights - 0.5 * off @ off)
+
+    def moved(noise: NoiseModel) -> tuple[Explanation, Floats]:
+        """Move the parameters to the optimum with a noise; return the explanation and the step."""
+        z, root = seen(one.residual), np.sqrt(weights)[:, None]
+        r = noise.whiten(z, activity=few.activity) * root
+        X = noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
+        X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
+        step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - off))
+        left = one.residual - np.tensordot(step * one.sd, one.columns, 1)
+        return replace(one, residual=left, model=replace(one.model, noise=noise)), step
+
+    before, middle = log_posterior(one.noise, one.residual, off), float(np.sqrt(np.prod(MEMORY)))
+    short, _ = moved(one.model.fit_noise(seen(one.residual), few, weights, memory=middle))
+    tops = {top.kind: (top, short) for top in screened(short, library, record)[:1]}
+    tops |= {top.kind: (top, one) for top in found[:1]}
+    best: dict[Any, Candidate] = {}
+    for top, base in tops.values():
+        acting = one.active(record, top.effect)[:, None]
+        output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
+        other, step = moved(short.model.fit_noise(seen(base.residual - output), few, weights))
+        more = log_posterior(other.noise, other.residual, off + step) - before
+        for o in screened(other, library, record):
+            o = replace(o, gain=o.gain + more, shift=o.shift + step * one.sd)
+            best[o.kind] = max(best.get(o.kind, o), o, key=lambda one: one.worth)
+    return _two_each([*best.values()])
+
+
 def screened(
     base: Explanation, library: Library, record: Record, beside: Effect | None = None
 ) -> list[Candidate]:
@@ -154,6 +209,11 @@ def screened(
         reset = products(white(before[None])) if any(one.set_right for one in trial.effects) else None
         given = trial, columns, *products(w), G, base.sd, record, open_days
         found += _hourly(*given) if trial.hourly else _windows(*given, beside, reset)
+    return _two_each(found)
+
+
+def _two_each(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the two best candidates of each name, best first."""
     kept, count = list[Candidate](), Counter[str]()
     for one in sorted(found, key=lambda one: -one.worth):
         count[one.effect.name] += 1
@@ -204,7 +264,7 @@ def _windows(
         effect, shift = trial.make(b[i]), -G @ (C[i] @ b[i]) * sd
         if i > 0:
             effect = replace(effect, dates=_dates(record, open_days, int(first[i]), int(end[i])))
-        found.append(candidate_of(effect, trial, columns, float(gain[i]), float(prior[i]), shift))
+        found.append(candidate_of(effect, trial, columns, float(gain[i]), float(prior[i]), shift, b[i]))
     return found
 
 
@@ -215,8 +275,8 @@ def _summed(a: Floats, first: Ints, end: Ints) -> Floats:
 
 
 def candidate_of(
-    whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats
-) -> Candidate:
+    whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats, size: Floats
+) -> Candidate:  # fmt: skip
     """Return a candidate of a trial from an effect of its kind, of any size and dates."""
     key = trial.free[0]
     value = getattr(whole, key)
@@ -226,7 +286,7 @@ def candidate_of(
             return whole.with_values(**{key: tuple(whole.clipped(key, share * one) for one in value)})
         return whole.with_values(**{key: whole.clipped(key, share * value)})
 
-    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
+    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns, size)
 
 
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
@@ -363,7 +423,7 @@ def _hourly(
         effect = replace(trial.make(np.array([size])), hours=(float(start), float(until)), dates=dates)
         price = float(prior[row] - np.log(HOURS_A_DAY * (HOURS_A_DAY - 1)))
         whole = columns[hours].sum(axis=0)[None]
-        found.append(candidate_of(effect, trial, whole, gain, price, -bent * size * sd))
+        found.append(candidate_of(effect, trial, whole, gain, price, -bent * size * sd, np.array([size])))
     return found
 
 

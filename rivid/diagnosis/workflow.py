@@ -41,6 +41,7 @@ from rivid.diagnosis.search import (
     candidate_of,
     scatter_of,
     screened,
+    screened_again,
     swung,
     windows_near,
     with_effect,
@@ -371,12 +372,16 @@ class _Search:
             self.extended.add(tuple(sorted(parent.names)))
         record, library = self.record, self._library(parent)
         taken = set(parent.names)
-        found = [
-            c for c in screened(parent, library, record)
-            if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
-        ]  # fmt: skip
+
+        def able(effect: Effect) -> bool:
+            return (effect.name not in taken or effect.repeatable) and taken.isdisjoint(effect.twins)
+
+        found = [one for one in screened(parent, library, record) if able(one.effect)]
+        more = [one for one in screened_again(parent, found, library, record) if able(one.effect)]
+        tried = _worth_trying(found)
+        tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
-        wanted = [_near(one, record) for one in (*_worth_trying(found), *dated)]
+        wanted = [_near(one, record) for one in (*tried, *dated)]
         if early:  # all others begin at the response of the first one, if that is better
             self._grow(parent, wanted[:1])
             if (again := self.again(parent)) is not parent:
@@ -432,7 +437,7 @@ class _Search:
         prior = -float(np.log(days * (days + 1) / 2))
         first = {trial.name: (trial, columns) for trial, columns in library.trials[::-1]}
         able = [effect for effect in self.dated if effect.name in first]
-        return [candidate_of(effect, *first[effect.name], 0.0, prior, still) for effect in able]
+        return [candidate_of(effect, *first[effect.name], 0.0, prior, still, still) for effect in able]
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add unknown flows that repeat every day, over the season and in the windows of the best candidates,

@@ -20,6 +20,7 @@ from rivid.diagnosis.search import (
     hour_columns,
     inflation_of,
     screened,
+    screened_again,
     windows_near,
     with_effect,
     with_events,
@@ -120,6 +121,7 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
         assert one.worth == pytest.approx(expected[1] + expected[2], rel=1e-5)
         assert one.effect.inflow == pytest.approx(expected[5][0], rel=1e-5)
         assert one.shift == pytest.approx(expected[6], rel=1e-4, abs=1e-8)
+        assert one.size == pytest.approx(expected[5], rel=1e-5)
     assert (best[3], best[4]) == (3, 9)
     dates = found[False].effect.dates
     assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
@@ -261,7 +263,7 @@ def test_hours_and_dates_of_a_release_are_those_of_all_refits(seed):
     for one in found:
         worth, size = best[one.effect.dates is None]
         assert one.worth + np.log(24 * 23) == pytest.approx(worth, rel=1e-4)
-        assert one.effect.size == pytest.approx(size, rel=1e-4)
+        assert one.effect.size == pytest.approx(size, rel=1e-4) == one.size[0]
 
 
 def test_columns_of_hours_are_convolutions_with_the_step_response():
@@ -299,7 +301,7 @@ def diurnal():
 
 def candidate(effect, free, record):
     columns = np.ones((len(free), *record.time.shape))
-    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, columns)
+    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, columns, np.ones(len(free)))
 
 
 @pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (8.0, 7.0)])
@@ -326,6 +328,29 @@ def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal
     late = replace(best.effect, dates=(record.dates[5], record.dates[8]))
     one = with_effect(parent, candidate(late, ("amplitude", "hour"), record), record, 0.0)
     assert np.flatnonzero(one.active(record, one.added)).tolist() == [5, 6, 7, 8]
+
+
+def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_it_in():
+    day, plain, found, actual = dt.date(2008, 4, 1), [], [], []
+    for seed in range(3, 9):
+        dates = day + dt.timedelta(9), day + dt.timedelta(17)
+        hidden = CATALOGUE["lateral_inflow"](inflow=3.0 + 3.0 * (seed % 2), dates=dates)
+        record = pools.season(seed, days=30, effects=(hidden,))
+        parent = pools.explained(record)
+        columns = Library.of(pools.model_of(record), record, {"lateral_inflow": CATALOGUE["lateral_inflow"]})
+        once = screened(parent, columns, record)
+        first, best = once[0], screened_again(parent, once, columns, record)[0]
+        fits = [with_effect(parent, one, record, 0.0) for one in (first, best)]
+        before, (least, most) = likelihood(parent, record), [likelihood(one, record) for one in fits]
+        assert most > least - 1.0  # its window is as good, or better
+        plain.append(first.gain)
+        found.append(best.gain)
+        actual.append(most - before)
+    assert sum(plain) < 0.55 * sum(actual)
+    assert 0.7 * sum(actual) < sum(found) < sum(actual)  # a fit finds a better noise still
+    quiet = pools.season(3, days=30)
+    parent = pools.explained(quiet)
+    assert all(one.worth < 8.0 for one in screened_again(parent, [], columns, quiet))
 
 
 KERNELS = {"down": np.ones(300)}
