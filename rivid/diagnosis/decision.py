@@ -123,7 +123,7 @@ def _gains_of_misfit(
     gains: dict[int, list[tuple[float, Explanation]]] = {}
     for (names, unknown), (score, one) in best.items():
         fewer = [key for key in best if key[1] == unknown and len(set(key[0])) == len(set(names)) - 1]
-        less = [best[key][0] for key in fewer if Counter(key[0]) <= Counter(names)]
+        less = [best[key][0] for key in fewer if [n for n in names if n in key[0]] == [*key[0]]]
         lead = max(fewer, key=lambda key: best[key][0], default=None)
         if less and lead and (score > best[lead][0] or Counter(lead[0]) <= Counter(names)):
             gains.setdefault(len(set(names)), []).append((score - max(less), one))
@@ -131,7 +131,7 @@ def _gains_of_misfit(
     for number, many in gains.items():
         apart, larger = list[float](), list[Explanation]()
         for gain, one in sorted(many, key=lambda pair: -pair[0]):
-            if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for o in larger):
+            if not any({*o.names} == {*one.names} or alike(o, one) for o in larger):
                 apart.append(gain)
             larger.append(one)
         variance[number] = max(apart[2], 0.0) / THIRD if len(apart) > 2 else 0.0

@@ -589,6 +589,18 @@ def test_a_further_stretch_is_the_same_effect_and_no_gain_of_chance():
     assert chances == pytest.approx(softmax([0.0, 30.0, 55.0, 50.0, 50.0, 50.0]))
 
 
+def test_an_effect_beside_one_and_more_stretches_of_another_is_one_gain_of_chance():
+    """Regression: a clock beside one, two and three stretches of a bypass made its gains those of chance."""
+    nothing, name = explained(), "unlogged_upstream_release"
+    release = explained(name, 30.0, MUCH, parent=nothing)
+    clock = explained("clock_offset", 27.0, MUCH, parent=release)
+    again = explained(name, 25.0, MUCH, parent=release)
+    twice = explained(name, 25.0, MUCH, parent=clock)
+    thrice = explained(name, 9.0, MUCH, parent=twice)
+    chances = ranked([nothing, release, clock, again, twice, thrice], OPEN, BLOCK)
+    assert np.log(chances) == pytest.approx(np.log(softmax([0.0, 30.0, 57.0, 55.0, 82.0, 91.0])))
+
+
 def test_an_effect_of_some_days_is_judged_on_these():
     nothing = explained()
     days = np.arange(RECORD.days) < 9
