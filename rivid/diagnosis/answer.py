@@ -111,7 +111,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             )
         if study.strained:
             return "unknown", f"{STRAIN}{first}."
-        if study.unknown < UNKNOWN and nothing < max(p, study.unknown):
+        if max(study.unknown, nothing) < UNKNOWN:
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
                 f"enough{first}."

@@ -105,6 +105,9 @@ class OutflowLag(_Timing):
         return Changes(gate=Gate(lag=self.lag * self.active(world)))
 
 
+ZONES = 14.0 * HOUR  # the largest offset of a local time from UTC
+
+
 @dataclass(frozen=True, kw_only=True)
 class ClockOffset(_Timing):
     """``real inflow(t) = logged inflow(t + offset + drift (t - first date))``."""
@@ -117,7 +120,7 @@ class ClockOffset(_Timing):
         "later by the same time; without a beginning or end it is part of the delay itself."
     )
 
-    offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
+    offset: float = quantity(600.0, "s", -ZONES, ZONES, "how far the clock of the inflow's log is fast")
     drift: float = quantity(0.0, "s/day", -3600.0, 3600.0, "what it gains a day from the first date on")
 
     @classmethod
@@ -129,6 +132,7 @@ class ClockOffset(_Timing):
             cls.trial_at("offset", sign * size, dates="between", within=1.5)
             for size in late
             for sign in (-1, 1)
+            if size <= ZONES
         ]
 
     def changes(self, world: World) -> Changes:

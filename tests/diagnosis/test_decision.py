@@ -589,6 +589,18 @@ def test_a_further_stretch_is_the_same_effect_and_no_gain_of_chance():
     assert chances == pytest.approx(softmax([0.0, 30.0, 55.0, 50.0, 50.0, 50.0]))
 
 
+def test_an_effect_beside_one_and_more_stretches_of_another_is_one_gain_of_chance():
+    """Regression: a clock beside one, two and three stretches of a bypass made its gains those of chance."""
+    nothing, name = explained(), "unlogged_upstream_release"
+    release = explained(name, 30.0, MUCH, parent=nothing)
+    clock = explained("clock_offset", 27.0, MUCH, parent=release)
+    again = explained(name, 25.0, MUCH, parent=release)
+    twice = explained(name, 25.0, MUCH, parent=clock)
+    thrice = explained(name, 9.0, MUCH, parent=twice)
+    chances = ranked([nothing, release, clock, again, twice, thrice], OPEN, BLOCK)
+    assert np.log(chances) == pytest.approx(np.log(softmax([0.0, 30.0, 57.0, 55.0, 82.0, 91.0])))
+
+
 def test_an_effect_of_some_days_is_judged_on_these():
     nothing = explained()
     days = np.arange(RECORD.days) < 9
@@ -645,8 +657,11 @@ def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
     flow = explained("", 8.0, MUCH, parent=NOTHING, unknown="flow")
     found, reason = _verdict(study_of(NOTHING, LEAK, flow), gap_of(evidence_of(RECORD)), None)
     assert found == "unknown" and "leakage, has 0.73" in reason
-    weak = replace(flow, density=NOTHING.density), replace(LEAK, density=NOTHING.density)
-    assert _verdict(study_of(NOTHING, *weak), gap_of(evidence_of(RECORD)), None)[0] == "no_gap"
+    # of four names none is as probable as nothing, which has 0.38 or 0.63
+    names = ("leakage", "clock_offset", "rain_inflow", "sensor_drift")
+    for gain, verdict in ((-0.9, "unknown"), (-1.9, "no_gap")):
+        many = [explained(name, gain, MUCH, parent=NOTHING) for name in names]
+        assert _verdict(study_of(NOTHING, *many), gap_of(evidence_of(RECORD)), None)[0] == verdict
 
 
 def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():

@@ -58,7 +58,7 @@ def test_a_row_of_many_days_is_mapped_as_if_it_were_alone(effect):
             assert effect.changes(alone).inflow == pytest.approx(real[i], rel=1e-12)
 
 
-@pytest.mark.parametrize("offset", [1, -399, 5000, -86_400, 86_399])
+@pytest.mark.parametrize("offset", [1, -399, 5000, -50_400, 50_399])
 def test_a_clock_that_is_off_shifts_the_held_inflow_second_by_second(offset):
     here = world(days=2)
     slow = seconds_of(here.time, here.inflow, 133.0, aside=90_000)
