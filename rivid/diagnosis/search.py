@@ -132,9 +132,7 @@ def screened_again(
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
-    free = one.model.reach.parameters
-    off = np.zeros(len(one.sd))
-    off[: len(free)] = (vector_of(one.model.reach) - [p.mean for p in free]) / one.sd[: len(free)]
+    off = _off(one)
 
     def seen(residual: Floats) -> Floats:
         return np.where(few.used, residual[opened], np.nan)
@@ -143,14 +141,7 @@ def screened_again(
         return float(noise.log_likelihood(seen(residual), few.activity) @ weights - 0.5 * off @ off)
 
     def moved(noise: NoiseModel) -> tuple[Explanation, Floats]:
-        """Move the parameters to the optimum with a noise; return the explanation and the step."""
-        z, root = seen(one.residual), np.sqrt(weights)[:, None]
-        r = noise.whiten(z, activity=few.activity) * root
-        X = noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
-        X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
-        step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - off))
-        left = one.residual - np.tensordot(step * one.sd, one.columns, 1)
-        return replace(one, residual=left, model=replace(one.model, noise=noise)), step
+        return _at_optimum(replace(one, model=replace(one.model, noise=noise)), record)
 
     before, middle = log_posterior(one.noise, one.residual, off), float(np.sqrt(np.prod(MEMORY)))
     short, _ = moved(one.model.fit_noise(seen(one.residual), few, weights, memory=middle))
@@ -166,6 +157,41 @@ def screened_again(
             o = replace(o, gain=o.gain + more, shift=o.shift + step * one.sd)
             best[o.kind] = max(best.get(o.kind, o), o, key=lambda one: one.worth)
     return _two_each([*best.values()])
+
+
+def dated_again(one: Explanation, library: Library, record: Record) -> list[Candidate]:
+    """Return the candidates of the last effect of an explanation in its place, best first."""
+    # The dates found with the columns of the parent are those near its response and with its noise.
+    model, last = one.model, len(one.model.effects) - 1
+    bare = replace(model, effects=model.effects[:last], free=model.free[:last])
+    try:
+        left = residual_of(record, bare.baseline(record)) - one.coded
+    except RividError:  # the reach cannot carry the flows
+        return []
+    mine = np.array([i == last for i, _, _ in model.slots()])
+    own, sd = one.own[~mine], one.sd[np.append(np.ones(len(one.shared), bool), ~mine)]
+    base, _ = _at_optimum(replace(one, model=bare, residual=left, own=own, sd=sd), record)
+    same = tuple((trial, columns) for trial, columns in library.trials if trial.name == one.names[-1])
+    return screened(base, Library(same, library.kernels), record)
+
+
+def _off(one: Explanation) -> Floats:
+    """Return how far the parameters are from their prior means, in prior standard deviations, shape (k,)."""
+    free, off = one.model.reach.parameters, np.zeros(len(one.sd))
+    off[: len(free)] = (vector_of(one.model.reach) - [p.mean for p in free]) / one.sd[: len(free)]
+    return off
+
+
+def _at_optimum(one: Explanation, record: Record) -> tuple[Explanation, Floats]:
+    """Move the residual to the linear optimum of the parameters; return also their step (k,) in prior sd."""
+    opened = one.weights > 0.0
+    few, root = record.take(opened), np.sqrt(one.weights[opened])[:, None]
+    z = np.where(few.used, one.residual[opened], np.nan)
+    r = one.noise.whiten(z, activity=few.activity) * root
+    X = one.noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
+    X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
+    step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - _off(one)))
+    return replace(one, residual=one.residual - np.tensordot(step * one.sd, one.columns, 1)), step
 
 
 def screened(

@@ -16,7 +16,17 @@ from threadpoolctl import threadpool_limits
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, with_activity
-from rivid.diagnosis.decision import ALONE, HAIR, Study, alike, difference, harmless, leading, ranked
+from rivid.diagnosis.decision import (
+    ALONE,
+    HAIR,
+    TEMPER,
+    Study,
+    alike,
+    difference,
+    harmless,
+    leading,
+    ranked,
+)
 from rivid.diagnosis.explanation import (
     FRESH,
     STEPS,
@@ -39,6 +49,7 @@ from rivid.diagnosis.search import (
     Library,
     Window,
     candidate_of,
+    dated_again,
     scatter_of,
     screened,
     screened_again,
@@ -596,23 +607,34 @@ class _Search:
     def shifted(self, lead: Explanation) -> Explanation:
         """Move the dates and hours of the last effect of `lead` as long as that is likelier."""
         # They were found with columns, which are valid near the parent's response only.
-        effect = lead.added
-        if effect is None or effect.found_as or not (effect.dates or effect.hours):
+        effect, parent = lead.added, lead.parent
+        if parent is None or effect is None or effect.found_as or not (effect.dates or effect.hours):
             return lead
         self.report(0.05, f"dates and hours of {effect.name}")
-        open_days, tried = np.flatnonzero(self.opened), set[Window]()
+        library, open_days, tried = self._library(lead), np.flatnonzero(self.opened), set[Window]()
+
+        def worth(one: Explanation) -> float:
+            return TEMPER * self.score(one) + one.log_prior
+
         while True:
-            model, effect = lead.model, lead.model.effects[-1]
+            effect = lead.model.effects[-1]
             at = effect.dates, effect.hours
-            near = [one for one in windows_near(at, self.record, open_days) if one not in tried]
-            tried |= {at, *near}
-            moved = [replace(effect, dates=dates, hours=hours) for dates, hours in near]
-            others = [
-                replace(lead, model=replace(model, effects=(*model.effects[:-1], one))) for one in moved
-            ]
-            found = side_by_side(partial(self._fitted, near=lead), others)
-            best = max((one for one in found if one is not None), key=self.score, default=lead)
-            if self.score(best) <= self.score(lead) + HAIR:
+            tried.add(at)
+            again = [(o.effect, o.log_prior) for o in dated_again(lead, library, self.record)[:1]]
+            found = [((e.dates, e.hours), self._prior(parent) + price) for e, price in again]
+            near = [(one, lead.log_prior) for one in windows_near(at, self.record, open_days)]
+            best = lead
+            for windows in (found, near):
+                others = [
+                    _with_last(lead, replace(effect, dates=one[0], hours=one[1]), prior)
+                    for one, prior in windows if one not in tried
+                ]  # fmt: skip
+                tried |= {one for one, _ in windows}
+                made = side_by_side(partial(self._fitted, near=lead), others)
+                best = max((one for one in made if one is not None), key=worth, default=lead)
+                if worth(best) > worth(lead) + HAIR:
+                    break
+            else:
                 return lead
             self.pool.append(best)
             lead = best
@@ -717,8 +739,8 @@ class _Search:
                 continue
             self.report(0.05, f"refitting with a course of {effect.name}")
             sizes = effect.with_values(**{key: (float(getattr(effect, key)),) * knots})
-            model = replace(lead.model, effects=(*lead.model.effects[:-1], sizes))
-            best = self._better(best, self._fitted(replace(lead, model=model, way=None), lead))
+            draft = replace(_with_last(lead, sizes, lead.log_prior), way=None)
+            best = self._better(best, self._fitted(draft, lead))
         return best
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
@@ -746,6 +768,12 @@ class _Search:
     def study(self) -> Study:
         """Return the explanations found."""
         return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start, self.extended)
+
+
+def _with_last(one: Explanation, effect: Effect, log_prior: float) -> Explanation:
+    """Return an explanation with another last effect, not fitted."""
+    effects = *one.model.effects[:-1], effect
+    return replace(one, model=replace(one.model, effects=effects), log_prior=log_prior)
 
 
 def _as_twin(
