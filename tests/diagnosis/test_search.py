@@ -17,6 +17,7 @@ from rivid.diagnosis.search import (
     Library,
     _best_hours,
     _spans,
+    dated_again,
     hour_columns,
     inflation_of,
     screened,
@@ -351,6 +352,23 @@ def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_
     quiet = pools.season(3, days=30)
     parent = pools.explained(quiet)
     assert all(one.worth < 8.0 for one in screened_again(parent, [], columns, quiet))
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_wrong_dates_are_put_right_by_the_search_about_the_fit_with_them(seed):
+    day = dt.date(2008, 4, 1)
+    right, wrong = ((day + dt.timedelta(a), day + dt.timedelta(b)) for a, b in ((9, 17), (13, 23)))
+    hidden = CATALOGUE["lateral_inflow"](inflow=6.0, dates=right)
+    record = pools.season(seed, days=30, effects=(hidden,))
+    parent = pools.explained(record)
+    columns = Library.of(pools.model_of(record), record, {"lateral_inflow": CATALOGUE["lateral_inflow"]})
+    found = screened(parent, columns, record)[0]
+    moved = replace(found, make=lambda share: found.make(share).with_values(dates=wrong))
+    one = with_effect(parent, moved, record, 0.0)
+    again = dated_again(one, columns, record)[0]
+    assert again.effect.dates == right
+    best = with_effect(parent, again, record, 0.0)
+    assert likelihood(best, record) > likelihood(one, record) + 20.0
 
 
 KERNELS = {"down": np.ones(300)}
