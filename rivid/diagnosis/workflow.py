@@ -389,17 +389,15 @@ class _Search:
 
         found = [one for one in screened(parent, library, record) if able(one.effect)]
         more = [one for one in screened_again(parent, found, library, record) if able(one.effect)]
-        tried = _worth_trying(found)
-        tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
-        wanted = [_near(one, record) for one in (*tried, *dated)]
+        wanted = [_near(one, record) for one in (*_worth_trying(more), *dated)]
         if early:  # all others begin at the response of the first one, if that is better
             self._grow(parent, wanted[:1])
             if (again := self.again(parent)) is not parent:
                 return self.extend(again, early=False)
             wanted = wanted[1:]
         if not parent.unknown and parent.bonus is None:
-            self._with_recurring(parent, found)
+            self._with_recurring(parent, more)
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
