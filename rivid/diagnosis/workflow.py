@@ -158,6 +158,7 @@ def find_effects(
         parent = search.again(before)
         if parent is not before and search.contested(search.score(parent) - search.score(before)):
             parent = search.extend(parent)  # the extensions begin at a better response
+        search.shifted(search.likeliest(parent), near=False)  # with wrong dates it may be immaterial
         extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
         if (lead.names, "") not in extended:
@@ -602,8 +603,11 @@ class _Search:
         able = gained > 0.0 and self.score(more) + gained > max(map(self.score, self.pool))
         return self._fitted(more, more, 1, enough=enough(more)) if able else more
 
-    def shifted(self, lead: Explanation) -> Explanation:
-        """Move the dates and hours of the last effect of `lead` as long as that is likelier."""
+    def shifted(self, lead: Explanation, near: bool = True) -> Explanation:
+        """Move the dates and hours of the last effect of `lead` as long as that is likelier.
+
+        They are searched again about its response and, with `near`, moved by a day or an hour.
+        """
         # They were found with columns, which are valid near the parent's response only.
         effect, parent = lead.added, lead.parent
         if parent is None or effect is None or effect.found_as or not (effect.dates or effect.hours):
@@ -620,15 +624,15 @@ class _Search:
             tried.add(at)
             again = [(o.effect, o.log_prior) for o in dated_again(lead, library, self.record)[:1]]
             found = [((e.dates, e.hours), self._prior(parent) + price) for e, price in again]
-            near = [(one, lead.log_prior) for one in windows_near(at, self.record, open_days)]
+            others = windows_near(at, self.record, open_days) if near else []
             best = lead
-            for windows in (found, near):
-                others = [
+            for windows in (found, [(one, lead.log_prior) for one in others]):
+                drafts = [
                     _with_last(lead, replace(effect, dates=one[0], hours=one[1]), prior)
                     for one, prior in windows if one not in tried
                 ]  # fmt: skip
                 tried |= {one for one, _ in windows}
-                made = side_by_side(partial(self._fitted, near=lead), others)
+                made = side_by_side(partial(self._fitted, near=lead), drafts)
                 best = max((one for one in made if one is not None), key=worth, default=lead)
                 if worth(best) > worth(lead) + HAIR:
                     break
