@@ -173,7 +173,8 @@ def dated_again(one: Explanation, library: Library, record: Record) -> list[Cand
     mine = np.array([i == last for i, _, _ in model.slots()])
     own, sd = one.own[~mine], one.sd[np.append(np.ones(len(one.shared), bool), ~mine)]
     base, _ = _at_optimum(replace(one, model=bare, residual=left, own=own, sd=sd), record)
-    same = tuple((trial, columns) for trial, columns in library.trials if trial.name == one.names[-1])
+    name = model.effects[last].name
+    same = tuple((trial, columns) for trial, columns in library.trials if trial.name == name)
     return screened(base, Library(same, library.kernels), record)
 
 
