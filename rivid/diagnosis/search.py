@@ -120,15 +120,15 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
-def candidates(
-    one: Explanation, library: Library, record: Record, able: Callable[[Effect], bool] = lambda effect: True
+def screened_again(
+    one: Explanation, found: Sequence[Candidate], library: Library, record: Record
 ) -> list[Candidate]:
-    """Return the candidates of effects that are `able`, two of each name, best first.
+    """Return the candidates with the noise that the best one leaves, two of each name, best first.
 
     What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
     dates and most of its gain disappear. Therefore the noise is fitted to the residual less the best
-    candidate: that with the noise of the explanation, and that with weather of a memory up to the geometric
-    middle of the plausible ones. Gains include what the explanation loses with that noise.
+    candidate: that of `found`, with the noise of the explanation, and that with weather of a memory up to the
+    geometric middle of the plausible ones. Gains include what the explanation loses with that noise.
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
@@ -145,10 +145,8 @@ def candidates(
 
     before, middle = log_posterior(one.noise, one.residual, off), float(np.sqrt(np.prod(MEMORY)))
     short, _ = moved(one.model.fit_noise(seen(one.residual), few, weights, memory=middle))
-    tops: dict[Any, tuple[Candidate, Explanation]] = {}
-    for base in (short, one):
-        found = [o for o in screened(base, library, record) if able(o.effect)]
-        tops |= {top.kind: (top, base) for top in found[:1]}
+    tops = {top.kind: (top, short) for top in screened(short, library, record)[:1]}
+    tops |= {top.kind: (top, one) for top in found[:1]}
     best: dict[Any, Candidate] = {}
     for top, base in tops.values():
         acting = one.active(record, top.effect)[:, None]
@@ -158,7 +156,7 @@ def candidates(
         for o in screened(other, library, record):
             o = replace(o, gain=o.gain + more, shift=o.shift + step * one.sd)
             best[o.kind] = max(best.get(o.kind, o), o, key=lambda one: one.worth)
-    return _two_each([o for o in best.values() if able(o.effect)])
+    return _two_each([*best.values()])
 
 
 def dated_again(one: Explanation, library: Library, record: Record) -> list[Candidate]:

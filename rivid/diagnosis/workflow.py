@@ -49,10 +49,10 @@ from rivid.diagnosis.search import (
     Library,
     Window,
     candidate_of,
-    candidates,
     dated_again,
     scatter_of,
     screened,
+    screened_again,
     swung,
     windows_near,
     with_effect,
@@ -388,9 +388,12 @@ class _Search:
         def able(effect: Effect) -> bool:
             return (effect.name not in taken or effect.repeatable) and taken.isdisjoint(effect.twins)
 
-        found = candidates(parent, library, record, able)
+        found = [one for one in screened(parent, library, record) if able(one.effect)]
+        more = [one for one in screened_again(parent, found, library, record) if able(one.effect)]
+        tried = _worth_trying(found)
+        tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
-        wanted = [_near(one, record) for one in (*_worth_trying(found), *dated)]
+        wanted = [_near(one, record) for one in (*tried, *dated)]
         if early:  # all others begin at the response of the first one, if that is better
             self._grow(parent, wanted[:1])
             if (again := self.again(parent)) is not parent:

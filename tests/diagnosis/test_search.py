@@ -17,11 +17,11 @@ from rivid.diagnosis.search import (
     Library,
     _best_hours,
     _spans,
-    candidates,
     dated_again,
     hour_columns,
     inflation_of,
     screened,
+    screened_again,
     windows_near,
     with_effect,
     with_events,
@@ -340,7 +340,7 @@ def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_
         parent = pools.explained(record)
         columns = Library.of(pools.model_of(record), record, {"lateral_inflow": CATALOGUE["lateral_inflow"]})
         once = screened(parent, columns, record)
-        first, best = once[0], candidates(parent, columns, record)[0]
+        first, best = once[0], screened_again(parent, once, columns, record)[0]
         fits = [with_effect(parent, one, record, 0.0) for one in (first, best)]
         before, (least, most) = likelihood(parent, record), [likelihood(one, record) for one in fits]
         assert most > least - 1.0  # its window is as good, or better
@@ -351,7 +351,7 @@ def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_
     assert 0.7 * sum(actual) < sum(found) < sum(actual)  # a fit finds a better noise still
     quiet = pools.season(3, days=30)
     parent = pools.explained(quiet)
-    assert all(one.worth < 8.0 for one in candidates(parent, columns, quiet))
+    assert all(one.worth < 8.0 for one in screened_again(parent, [], columns, quiet))
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5, 6])

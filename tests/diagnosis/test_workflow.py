@@ -556,8 +556,10 @@ def test_a_lead_is_contested_by_the_best_explanation_of_another_kind():
 def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monkeypatch):
     """All were fitted from a response that the first showed to be biased, then again from a better one."""
     classes = {name: CATALOGUE[name] for name in ("leakage", "outflow_lag", "outflow_gain_error")}
-    found = [SimpleNamespace(effect=one(), worth=9.0, columns=None) for one in classes.values()]
-    monkeypatch.setattr("rivid.diagnosis.workflow.candidates", lambda *given: found)
+    found = [SimpleNamespace(effect=e(), kind=e, worth=9.0, columns=None) for e in classes.values()]
+    other = SimpleNamespace(effect=CATALOGUE["leakage"](), kind="other dates", worth=9.0, columns=None)
+    monkeypatch.setattr("rivid.diagnosis.workflow.screened", lambda *given: found[:-1])
+    monkeypatch.setattr("rivid.diagnosis.workflow.screened_again", lambda *given: [*found[1:], other])
     biased, better = explained(), explained()
 
     def grown(again):
@@ -577,7 +579,7 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
         )  # fmt: skip
         return _Search.extend(search, biased), grown
 
-    first, *others = classes
+    first, *others = *classes, "leakage"
     assert grown(lambda parent: parent) == (biased, [(biased, [first]), (biased, others)])
     assert grown(lambda parent: better) == (better, [(biased, [first]), (better, [first, *others])])
 
@@ -585,7 +587,8 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_pulses_that_enter_are_no_unknown_flow_beside_pulses_that_leave(monkeypatch, sign):
     """Regression: beside lock pulses, which paid for them, they were an unknown flow of 0.64."""
-    monkeypatch.setattr("rivid.diagnosis.workflow.candidates", lambda *given: [])
+    for search in ("screened", "screened_again"):
+        monkeypatch.setattr(f"rivid.diagnosis.workflow.{search}", lambda *given: [])
     tried = []
     search = SimpleNamespace(
         record=pools.season(6, DAYS, (), T_S), classes={"rain_inflow": CATALOGUE["rain_inflow"]}, pool=[],
