@@ -69,6 +69,13 @@ def test_a_clock_that_is_off_shifts_the_held_inflow_second_by_second(offset):
     assert at[1] == pytest.approx((at[0] + at[2]) / 2, abs=1e-7)
 
 
+@pytest.mark.parametrize("sample_time", [133.0, 3600.0])
+def test_clocks_that_are_tried_are_within_the_limits(sample_time):
+    limit = ClockOffset.parameters()["offset"].high
+    sizes = [trial.effects[0].offset for trial in ClockOffset.trials(world(sample_time=sample_time))]
+    assert 3600.0 <= max(sizes) == -min(sizes) <= limit == 14 * 3600.0
+
+
 def test_a_clock_is_off_only_on_its_dates_and_hours():
     here = world(2, days=6)
     effect = ClockOffset(offset=400.0, dates=(FIRST, FIRST + dt.timedelta(days=2)), hours=(22, 6))
