@@ -302,17 +302,11 @@ def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | Non
         return None
     own = [model.effects[i] is not effect for i, _, _ in model.slots()]
     kept = np.array([True] * len(one.shared) + own)
-    seen = np.where(record.used & np.isfinite(one.residual), made, np.nan)
-    root = np.sqrt(one.weights)[:, None]
-
-    def white(values: Floats) -> Floats:
-        return np.asarray(one.noise.whiten(values, like=seen, activity=record.activity) * root)
-
     # All other parameters are fitted to the output by one Gauss-Newton step.
-    columns = one.columns[kept] * one.sd[kept, None, None]
-    X, r = white(columns).reshape(len(columns), -1), white(seen[None]).ravel()
-    x = np.linalg.solve(X @ X.T + np.eye(len(columns)), X @ r)
-    return np.asarray(made - np.tensordot(x, columns, 1))
+    white, columns = one.whitened(record)
+    X, r = columns[kept].reshape(int(kept.sum()), -1), white(made[None]).ravel()
+    x = np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r)
+    return np.asarray(made - np.tensordot(x * one.sd[kept], one.columns[kept], 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,6 +90,20 @@ class Explanation:
             left = left - np.einsum("dk,kdn->dn", change, columns, optimize=True)
         return np.asarray(left)
 
+    def whitened(self, record: Record) -> tuple[Callable[[Floats], Floats], Floats]:
+        """Return a function that whitens (k, days, n) on the fitted days, and what it makes of the columns.
+
+        Days are multiplied by the square roots of their weights, columns by the prior standard deviations.
+        """
+        opened = self.weights > 0.0
+        few, root = record.take(opened), np.sqrt(self.weights[opened])[:, None]
+        seen = np.where(few.used, self.residual[opened], np.nan)
+
+        def white(values: Floats) -> Floats:
+            return self.noise.whiten(values[:, opened], like=seen, activity=few.activity) * root
+
+        return white, white(self.columns) * self.sd[:, None, None]
+
     @property
     def whole(self) -> Model:
         """Model with the events as effects in the simulator."""

@@ -128,7 +128,8 @@ def screened_again(
     What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
     dates and most of its gain disappear. Therefore the noise is fitted to the residual less the best
     candidate: that of `found`, with the noise of the explanation, and that with weather of a memory up to the
-    geometric middle of the plausible ones. Gains include what the explanation loses with that noise.
+    geometric middle of the plausible ones. Gains include what the explanation loses with that noise; what it
+    gains, no effect is needed for.
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
@@ -152,16 +153,20 @@ def screened_again(
         acting = one.active(record, top.effect)[:, None]
         output = np.tensordot(top.size, top.columns, 1) * acting + np.tensordot(top.shift, one.columns, 1)
         other, step = moved(short.model.fit_noise(seen(base.residual - output), few, weights))
-        more = log_posterior(other.noise, other.residual, off + step) - before
+        more = min(log_posterior(other.noise, other.residual, off + step) - before, 0.0)
         for o in screened(other, library, record):
             o = replace(o, gain=o.gain + more, shift=o.shift + step * one.sd)
             best[o.kind] = max(best.get(o.kind, o), o, key=lambda one: one.worth)
     return _two_each([*best.values()])
 
 
-def dated_again(one: Explanation, library: Library, record: Record) -> list[Candidate]:
-    """Return the candidates of the last effect of an explanation in its place, best first."""
-    # The dates found with the columns of the parent are those near its response and with its noise.
+def screened_instead(
+    one: Explanation, library: Library, record: Record, effect: Effect | None = None
+) -> list[Candidate]:
+    """Return the candidates in place of the last effect of an explanation, best first; if given, of `effect`.
+
+    They have the noise of the explanation and, without its last effect, the linear optimum near its response.
+    """
     model, last = one.model, len(one.model.effects) - 1
     bare = replace(model, effects=model.effects[:last], free=model.free[:last])
     try:
@@ -171,8 +176,7 @@ def dated_again(one: Explanation, library: Library, record: Record) -> list[Cand
     mine = np.array([i == last for i, _, _ in model.slots()])
     own, sd = one.own[~mine], one.sd[np.append(np.ones(len(one.shared), bool), ~mine)]
     base, _ = _at_optimum(replace(one, model=bare, residual=left, own=own, sd=sd), record)
-    name = model.effects[last].name
-    same = tuple((trial, columns) for trial, columns in library.trials if trial.name == name)
+    same = tuple(pair for pair in library.trials if effect is None or pair[0].name == effect.name)
     return screened(base, Library(same, library.kernels), record)
 
 
@@ -185,13 +189,9 @@ def _off(one: Explanation) -> Floats:
 
 def _at_optimum(one: Explanation, record: Record) -> tuple[Explanation, Floats]:
     """Move the residual to the linear optimum of the parameters; return also their step (k,) in prior sd."""
-    opened = one.weights > 0.0
-    few, root = record.take(opened), np.sqrt(one.weights[opened])[:, None]
-    z = np.where(few.used, one.residual[opened], np.nan)
-    r = one.noise.whiten(z, activity=few.activity) * root
-    X = one.noise.whiten(one.columns[:, opened], like=z, activity=few.activity)
-    X = (X * (root * one.sd[:, None, None])).reshape(len(X), -1)
-    step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r.ravel() - _off(one)))
+    white, columns = one.whitened(record)
+    r, X = white(one.residual[None]).ravel(), columns.reshape(len(columns), -1)
+    step = np.asarray(np.linalg.solve(X @ X.T + np.eye(len(X)), X @ r - _off(one)))
     return replace(one, residual=one.residual - np.tensordot(step * one.sd, one.columns, 1)), step
 
 
@@ -199,24 +199,12 @@ def screened(
     base: Explanation, library: Library, record: Record, beside: Effect | None = None
 ) -> list[Candidate]:
     """Return the two best candidates of each name, best first; only of effects confounded with `beside`."""
-    noise = base.noise
-    open_days = np.flatnonzero(base.weights > 0.0)
-    few = record.take(open_days)
-    seen = np.where(few.used, base.residual[open_days], np.nan)
-    root = np.sqrt(base.weights[open_days])[:, None]
-
-    def white(columns: Floats) -> Floats:
-        found = noise.whiten(columns, like=seen, activity=few.activity)
-        found *= root
-        return found
-
-    r = white(seen[None])[0]
-    X = white(base.columns[:, open_days])
-    X *= base.sd[:, None, None]
-    flat = X.reshape(len(X), -1)
+    white, X = base.whitened(record)
+    r, flat = white(base.residual[None])[0], X.reshape(len(X), -1)
     G = np.asarray(np.linalg.inv(flat @ flat.T + np.eye(len(X))), float)
-    before = np.zeros(few.time.shape)
-    before[:, : few.lead] = 1.0  # 1 m until the midnight before each day
+    open_days = np.flatnonzero(base.weights > 0.0)
+    before = np.zeros(record.time.shape)
+    before[:, : record.lead] = 1.0  # 1 m until the midnight before each day
     found: list[Candidate] = []
 
     def products(w: Floats) -> tuple[Floats, Floats, Floats]:
@@ -230,7 +218,7 @@ def screened(
             one.name in beside.confounded_with or beside.name in one.confounded_with for one in trial.effects
         ):
             continue
-        w = white(columns[:, open_days])
+        w = white(columns)
         if not w.any():
             continue
         reset = products(white(before[None])) if any(one.set_right for one in trial.effects) else None

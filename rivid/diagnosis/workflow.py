@@ -49,10 +49,10 @@ from rivid.diagnosis.search import (
     Library,
     Window,
     candidate_of,
-    dated_again,
     scatter_of,
     screened,
     screened_again,
+    screened_instead,
     swung,
     windows_near,
     with_effect,
@@ -74,6 +74,8 @@ right name is not among them has not been measured."""
 LEAST = 8.0
 """Smallest worth of a candidate that is tried in the simulator [nats]: after the prior and the temper of the
 scores, a probable name has several times as much."""
+HOPE = 0.2
+"""Smallest worth of a candidate that is fitted, over the largest gain of a fit beside the same effects."""
 WINDOWS = 3  # number of candidates with a window of dates that is tried for an unknown daily flow
 SECOND = 0.8  # smallest ratio of the gains of a name's second and first window for which both are tried
 HOPELESS = 100.0
@@ -393,12 +395,12 @@ class _Search:
         tried = _worth_trying(found)
         tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
+        self._grow(parent, [_near(one, record) for one in tried[:1]])
+        if early and (again := self.again(parent)) is not parent:
+            return self.extend(again, early=False)  # all others begin at the response of the first one
+        least = HOPE * (self.score(self.likeliest(parent)) - self.score(parent))
+        tried = [one for one in tried[1:] if one.worth > least]
         wanted = [_near(one, record) for one in (*tried, *dated)]
-        if early:  # all others begin at the response of the first one, if that is better
-            self._grow(parent, wanted[:1])
-            if (again := self.again(parent)) is not parent:
-                return self.extend(again, early=False)
-            wanted = wanted[1:]
         if not parent.unknown and parent.bonus is None:
             self._with_recurring(parent, found)
         gauge = [one for one in latent if one.unknown == "gauge"]
@@ -553,11 +555,16 @@ class _Search:
         self.report(0.1, f"{lead.added.name} and its rivals from its response")
         (best,) = self._polished([self._settled(lead)], lead)
         least = 2.0 * self.score(lead) - self.score(best) - LEAST
+        near = screened_instead(best, self._library(best), self.record)
+        hope = HOPE * max((one.worth for one in near if one.effect.name == lead.added.name), default=0.0)
+        able = {one.effect.name for one in near if one.worth > hope}
         rivals: dict[tuple[tuple[str, ...], bool], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
             same = one.count == lead.count and one.unknown == lead.unknown and one.others == lead.others
             same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
-            if same and one.names != lead.names and one.way is not None and one.added is not None:
+            if not same or one.names == lead.names or one.way is None or one.added is None:
+                continue
+            if one.added.found_as or one.added.name in able or alike(one, lead):
                 rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
@@ -624,8 +631,8 @@ class _Search:
             effect = lead.model.effects[-1]
             at = effect.dates, effect.hours
             tried.add(at)
-            again = [(o.effect, o.log_prior) for o in dated_again(lead, library, self.record)[:1]]
-            found = [((e.dates, e.hours), self._prior(parent) + price) for e, price in again]
+            again = screened_instead(lead, library, self.record, effect)[:1]
+            found = [((o.effect.dates, o.effect.hours), self._prior(parent) + o.log_prior) for o in again]
             others = windows_near(at, self.record, open_days) if near else []
             best = lead
             for windows in (found, [(one, lead.log_prior) for one in others]):
