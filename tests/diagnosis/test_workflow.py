@@ -9,13 +9,15 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import TEMPER, alike, ranked
-from rivid.diagnosis.explanation import FRESH, STEPS, Way, fitted
+from rivid.diagnosis.explanation import FRESH, STEPS, Explanation, Way, fitted
 from rivid.diagnosis.fit import ENOUGH, Model
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.response.base import vector_of
 from rivid.diagnosis.workflow import HOPE, LEAST, _as_twin, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
-from tests.diagnosis import pools
+from tests.diagnosis import pools, responses
 from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained, study_of
 
 DAYS, T_S = 20, 600.0
@@ -464,6 +466,27 @@ def test_what_is_polished_is_refitted_from_the_response_of_another_cause_that_le
     assert ((wave, leader) in refitted) == again
 
 
+@pytest.mark.parametrize("better", [True, False])
+def test_a_settled_response_is_fitted_if_it_is_likelier_on_the_days_on_which_it_settled(monkeypatch, better):
+    record = responses.season(1)
+    true = responses.few(record, cells=16)
+    wrong = true.with_parameters(vector_of(true) + [1.0 * (p.name == "depth") for p in true.parameters])
+    here, there = (wrong, true) if better else (true, wrong)
+    monkeypatch.setattr(
+        "rivid.diagnosis.workflow.settled", lambda model, few, number: replace(model, reach=there)
+    )
+    noise = NoiseModel(0.004, 0.001, 0.0, 1e4, 0.0, 600.0, record.sample_time, true.surface_area)
+    model = Model(here, noise, record.usual_output, record.usual_flow, 0.0, (CATALOGUE["leakage"](),), ((),))
+    fitted = []
+    search = SimpleNamespace(
+        record=record, opened=np.ones(record.days, bool), pool=[], _nominal=lambda model: true,
+        _fitted=lambda draft, near, fresh: fitted.append(vector_of(draft.model.reach)),
+    )  # fmt: skip
+    one = Explanation(model, residual=np.zeros(record.time.shape))
+    assert _Search._settled(search, one) is one
+    assert len(fitted) == better and all((at == vector_of(there)).all() for at in fitted)
+
+
 @pytest.mark.parametrize(("worth", "tried"), [(0.9 * HOPE, False), (1.1 * HOPE, True)])
 def test_a_rival_is_refitted_if_it_is_a_candidate_beside_the_response_of_the_lead(monkeypatch, worth, tried):
     """In a season with nothing missing, nine rivals of a tide took a third of the time and none came near."""
@@ -570,18 +593,18 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
     monkeypatch.setattr("rivid.diagnosis.workflow.screened_again", lambda *given: [*found[1:], other])
     biased, better = explained(), explained()
 
-    def grown(again, gain=0.0):
+    def grown(again, more=None, worth=9.0):
         """Return the parent and the names of each extension, in the order of their fits."""
-        grown = []
+        grown, found[0].worth = [], worth
 
         def grow(parent, ways):
             grown.append((parent, [way.name for way in ways]))
-            return [None] * len(ways)
+            return [more] * len(ways)
 
         search = SimpleNamespace(
             record=pools.season(6, DAYS, (), T_S), classes=classes, extended=set(), pool=[], again=again,
-            extend=lambda parent, early: _Search.extend(search, parent, early), likeliest=lambda one: None,
-            score=lambda one: gain if one is None else 0.0,
+            extend=lambda parent, early: _Search.extend(search, parent, early),
+            score=lambda one: float(one.density[OPEN].sum()),
             _grow=grow, _with_unknown=lambda parent: (parent, []), _library=lambda parent: None,
             _dated=lambda parent: [], _with_recurring=lambda *given: None,
             _with_unknown_events=lambda *given: None,
@@ -591,8 +614,10 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
     first, *others = *classes, "leakage"
     assert grown(lambda parent: parent) == (biased, [(biased, [first]), (biased, others)])
     assert grown(lambda parent: better) == (better, [(biased, [first]), (better, [first]), (better, others)])
-    assert grown(lambda parent: parent, 8.9 / HOPE) == (biased, [(biased, [first]), (biased, others)])
-    assert grown(lambda parent: parent, 9.1 / HOPE) == (biased, [(biased, [first]), (biased, [])])
+    fits, some = [(biased, [first]), (biased, others)], [(biased, [first]), (biased, [])]
+    for nats, worth, made in ((99.0, 1.1, some), (99.0, 0.9, fits), (0.9, 99.0, fits), (1.1, 99.0, some)):
+        more = explained(nats=nats * 9.0 / HOPE * TEMPER)
+        assert grown(lambda parent: parent, more, worth * 9.0 / HOPE) == (biased, made)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -604,7 +629,7 @@ def test_pulses_that_enter_are_no_unknown_flow_beside_pulses_that_leave(monkeypa
     search = SimpleNamespace(
         record=pools.season(6, DAYS, (), T_S), classes={"rain_inflow": CATALOGUE["rain_inflow"]}, pool=[],
         extended=set(), again=lambda parent: parent, _grow=lambda parent, ways: [parent for _ in ways],
-        score=lambda one: 0.0, likeliest=lambda one: one,
+        score=lambda one: 0.0,
         _with_unknown=lambda parent: (parent, []), _library=lambda parent: SimpleNamespace(kernels=None),
         _dated=lambda parent: [], _with_recurring=lambda *given: None,
         _with_unknown_events=lambda parent, effect, *more: tried.append(effect),
