@@ -275,7 +275,7 @@ def fitted(
             break
         if not exact:
             hoped = cost_of(model, base)
-            (base, defect), exact = model.fine(few), True
+            (base, defect), exact = model.fine(few, base - defect), True
             # the steps must gain what the costly response gains
             before, real = cost_of(*known[:2]), cost_of(model, base)
             if abs(real - hoped) > max(UNREAL * (before - hoped), FRESH * ENOUGH):
@@ -296,7 +296,7 @@ def fitted(
         J, shared, stale, fresh = model.jacobian(few, base - defect), None, False, fresh - 1
         damping = LEAST_DAMPING
     if not exact:
-        base, defect = model.fine(few)
+        base, defect = model.fine(few, base - defect)
     z = residual_of(few, base) - fixed
     noise, weights = _noise(model, few, left_by(base), weights, alone=quick)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days

@@ -165,10 +165,15 @@ class Model:
         rough = self.reach.rough
         return self if rough is self.reach else replace(self, reach=rough)
 
-    def fine(self, record: Record) -> tuple[Floats, Floats]:
-        """Return the baseline, and what it adds to that of the cheaper response; shape (days, n) each."""
+    def fine(self, record: Record, plain: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return the baseline, and what it adds to that of the cheaper response; shape (days, n) each.
+
+        `plain` may be the latter, if it is known.
+        """
         base, rough = self.baseline(record), self.rough
-        return base, 0.0 * base if rough is self else base - rough.baseline(record)
+        if rough is self:
+            return base, 0.0 * base
+        return base, base - (rough.baseline(record) if plain is None else plain)
 
     def recall(self, record: Record) -> float:
         """Return the share of a level error that remains after a sample; 1 with most effects."""
