@@ -76,8 +76,8 @@ LEAST = 8.0
 scores, a probable name has several times as much."""
 HOPE = 0.2
 """Smallest worth of a candidate that is fitted, over that of the first one if its fit gains as much. With the
-noise fitted again, gains of two candidates differ by more than their worth does. Of 85 fits in eleven seasons
-that had less than this share of the gain of the best one in worth, none came to a quarter of its gain."""
+noise fitted again, gains of two candidates differ by more than their worth does: of 35 candidates below this
+share in four development seasons none gained more than 0.07 of the gain of the best one."""
 WINDOWS = 3  # number of candidates with a window of dates that is tried for an unknown daily flow
 SECOND = 0.8  # smallest ratio of the gains of a name's second and first window for which both are tried
 HOPELESS = 100.0
@@ -579,7 +579,8 @@ class _Search:
     def _settled(self, one: Explanation) -> Explanation:
         """Return the better of an explanation and its refit from a response that settled with its effects.
 
-        It is refitted only if that response is likelier on the days on which it settled.
+        It is refitted only if that response is likelier on the days on which it settled: in five development
+        seasons, six that were not gained 13 nats at most, of three that were one gained 151.
         """
         # The response of its parent may be biased by the missing effect, at a maximum that no step leaves.
         nominal = self._nominal(one.model)
