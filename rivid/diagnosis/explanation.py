@@ -91,7 +91,7 @@ class Explanation:
         return np.asarray(left)
 
     def whitened(self, record: Record) -> tuple[Callable[[Floats], Floats], Floats]:
-        """Return a function that whitens (k, days, n) on the fitted days, and what it makes of the columns.
+        """Return a function that whitens values (k, days, n) on the fitted days, and the whitened columns.
 
         Days are multiplied by the square roots of their weights, columns by the prior standard deviations.
         """

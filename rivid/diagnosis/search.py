@@ -128,8 +128,8 @@ def screened_again(
     What is missing has been fitted as noise: a lasting flow as weather with the longest memory, in which its
     dates and most of its gain disappear. Therefore the noise is fitted to the residual less the best
     candidate: that of `found`, with the noise of the explanation, and that with weather of a memory up to the
-    geometric middle of the plausible ones. Gains include what the explanation loses with that noise; what it
-    gains, no effect is needed for.
+    geometric middle of the plausible ones. Gains include what the explanation loses with that noise, but not
+    what it gains, which needs no effect.
     """
     opened = one.weights > 0.0
     few, weights = record.take(opened), one.weights[opened]
