@@ -567,7 +567,7 @@ class _Search:
             same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
             if not same or one.names == lead.names or one.way is None or one.added is None:
                 continue
-            if one.added.found_as or one.added.name in able or alike(one, lead):
+            if not near or one.added.found_as or one.added.name in able or alike(one, lead):
                 rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
