@@ -156,6 +156,18 @@ def test_steps_on_a_cheaper_response_end_at_the_optimum_of_the_costly_one(fresh)
     np.testing.assert_allclose(cheap.defect, base - cheap.model.rough.baseline(record), rtol=1e-5)
 
 
+@pytest.mark.parametrize("fresh", [0, 3])
+def test_a_fit_ends_where_the_costly_response_carries_the_flows(fresh):
+    """Regression: a fit was lost if its steps led the cheaper response beyond what the costly one carries."""
+    record = columns(np.random.default_rng(1), 12)
+    start = fit(Costly(two()), record, steps=0)
+    found = fit(Costly(two(), breaks=1.6), record, start=start, fresh=fresh, steps=60)
+    assert 1.45 < values(found)[0] < 1.6  # the optimum is at 2
+    np.testing.assert_allclose(found.residual, residual_of(record, found.model.baseline(record)), rtol=1e-12)
+    with pytest.raises(RividError, match="too much"):
+        fit(Costly(two(), breaks=0.9), record, start=start, fresh=fresh, steps=60)
+
+
 @dataclass(frozen=True, eq=False)
 class Misled(Curve):
     """A curve with a cheaper one of which `a` acts the wrong way; after `better` finer ones, it is right."""
