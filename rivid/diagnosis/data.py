@@ -32,6 +32,11 @@ FADED = 3.0
 """Start-up of a pool, in memories of its waves: 5 % of the waves of a wrong steady start then remain. With
 START_UP alone 29 releases were found in a season of 39 days, 27 within half an hour of midnight."""
 
+PAST = 3
+"""Days of earlier commands from which the position of a gate with a dead-band follows. In four development
+seasons, for bands of up to three times the median change, it is then wrong on 2 % of the days at most; the
+command itself is on 59 to 84 %."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -54,6 +59,8 @@ class Record:
     activity: Floats | None = None
     # samples at the start of each row until flows of that time arrive: errors show the assumed start
     blind: int = 0
+    # (days, m): u_Qo before the first sample of each row, without gaps [m3/s]; None if unknown
+    earlier: Floats | None = None
 
     @property
     def days(self) -> int:
@@ -87,7 +94,7 @@ class Record:
         return World(
             time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0] - past,
             sample_time=self.sample_time, level=self.usual_output if level is None else level,
-            flow=self.usual_flow if flow is None else flow,
+            flow=self.usual_flow if flow is None else flow, earlier=self.earlier,
         )  # fmt: skip
 
     def take(self, rows: ArrayLike) -> "Record":
@@ -97,6 +104,7 @@ class Record:
             self, dates=tuple(self.dates[i] for i in kept), time=self.time[kept], inflow=self.inflow[kept],
             outflow=self.outflow[kept], output=self.output[kept], used=self.used[kept],
             activity=None if self.activity is None else self.activity[kept],
+            earlier=None if self.earlier is None else self.earlier[kept],
         )  # fmt: skip
 
 
@@ -212,6 +220,12 @@ def as_record(
         tail = np.where(follows[:, None], values[previous, len(clock) - lead :], start)
         return np.concatenate([tail, values], axis=1)
 
+    # commands of missing days are replaced by the next one
+    earlier, back, there = o[:, :1], rows, follows
+    for end in (len(clock) - lead, *(len(clock),) * (PAST - 1)):
+        back = previous[back]
+        earlier = np.concatenate([np.where(there[:, None], o[back, :end], earlier[:, :1]), earlier], axis=1)
+        there = there & follows[back]
     used = np.isfinite(y)
     used[~follows, :lead] = False
     before = np.zeros((len(dates), lead), bool)
@@ -219,7 +233,7 @@ def as_record(
     return Record(
         dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
         output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
-        used=np.concatenate([before, used], axis=1),
+        used=np.concatenate([before, used], axis=1), earlier=earlier[:, :-1] if kind == "pool" else None,
     )  # fmt: skip
 
 

@@ -92,6 +92,7 @@ OFF, SOME = 0.01, 4
 """Shift of the observed level [m], and number of days, from which the decay of a level error is estimated."""
 WIDE = 10.0  # prior standard deviation of an effect's parameter over its size (scales): nearly flat
 ENOUGH = 1.0  # A fit ends when a step reduces the cost by less [nats]
+DIFFERENCE = 0.05  # step of an effect's parameter over its size, by which its column is computed
 TRIES = 4
 """Dampings tried in a step: from 1e-4 to 0.64, which is 61 % of a Newton step in uncorrelated parameters."""
 
@@ -246,7 +247,7 @@ class Model:
         columns = np.empty((p + len(values), *base.shape))
         columns[:p] = rough.reach.slopes(record, base, self.changes(record)) if shared is None else shared
         for j, scale in enumerate(self.scales()):
-            for share in (0.05, -0.05):  # a step down from the upper limit
+            for share in (DIFFERENCE, -DIFFERENCE):  # a step down from the upper limit
                 moved = self.with_values(values + share * scale * (np.arange(len(values)) == j))
                 step = moved.values()[j] - values[j]
                 if abs(step) >= 1e-3 * scale:

@@ -23,7 +23,7 @@ import numpy as np
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted
-from rivid.diagnosis.fit import MEMORY, WIND, Model, residual_of
+from rivid.diagnosis.fit import DIFFERENCE, MEMORY, WIND, Model, residual_of
 from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN, NoiseModel
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
@@ -508,16 +508,15 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     _, share, larger = min(tried, key=lambda one: one[0])
     for key in set(candidate.free) & set(candidate.effect.stepwise):
-        others = stepped(larger.effects[-1], key, record)
-        models = [replace(larger, effects=(*larger.effects[:-1], other)) for other in others]
-        larger = min(models, key=lambda one: squares_left(one, parent, record))
+        larger = stepped(larger, key, parent, record)
     return fitted(
         larger, record, parent.weights > 0.0, draft=parent.extended(log_prior + candidate.log_prior),
         start=parent, fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
 
 
-MOST_STEPS = 40  # maximum number of values tried of a stepwise parameter
+MANY_STEPS, FEW_STEPS = 40, 8
+"""Values tried of a stepwise parameter: at first, over its range, and then about the best one in turn."""
 
 
 def command_steps(record: Record) -> tuple[float, float]:
@@ -527,15 +526,33 @@ def command_steps(record: Record) -> tuple[float, float]:
     return float(np.quantile(moves, 0.02)), float(moves.max())
 
 
-def stepped(effect: Effect, key: str, record: Record) -> list[Effect]:
-    """Return an effect with other values of a stepwise parameter."""
+def stepped(model: Model, key: str, parent: Explanation, record: Record) -> Model:
+    """Return a model with the likeliest value of a stepwise parameter of its last effect.
+
+    It is no longer free where its column would be that between two commands, at which the output is the same.
+    """
     # Commands are quantised, and a band between two of them acts as the larger one. Values lie half-way
-    # between commands, up to the largest change of the outflow; of many, some at equal ratios are kept.
+    # between commands, up to the largest change of the outflow; of many, first some at equal ratios.
     step, most = command_steps(record)
-    values = (np.arange(int(most / step) + 2) + 0.5) * step
-    if len(values) > MOST_STEPS:
-        values = values[np.unique(np.geomspace(1, len(values), MOST_STEPS).astype(int)) - 1]
-    return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]
+    effect, fixed = model.effects[-1], tuple(k for k in model.free[-1] if k != key)
+    tried: dict[int, tuple[float, Model]] = {}
+    low, high, many = 1, int(most / step) + 2, MANY_STEPS
+    while True:
+        for number in np.unique(np.geomspace(low, high, many).round().astype(int)).tolist():
+            if number not in tried:
+                value = effect.clipped(key, (number - 0.5) * step)
+                free = fixed if DIFFERENCE * value < step else model.free[-1]
+                other = replace(
+                    model, effects=(*model.effects[:-1], effect.with_values(**{key: value})),
+                    free=(*model.free[:-1], free),
+                )  # fmt: skip
+                tried[number] = squares_left(other, parent, record), other
+        best = min(tried, key=lambda each: tried[each][0])
+        known = sorted(tried)
+        place = known.index(best)
+        low, high, many = known[max(place - 1, 0)], known[min(place + 1, len(known) - 1)], FEW_STEPS
+        if all(number in tried for number in range(low, high)):
+            return tried[best][1]
 
 
 def squares_left(model: Model, parent: Explanation, record: Record, days: Bools | None = None) -> float:

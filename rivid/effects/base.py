@@ -62,6 +62,7 @@ class World:
     sample_time: float  #: T_s [s]
     level: float  #: usual level at the gauge [m]: reference of level-dependent effects
     flow: float  #: usual discharge [m3/s]
+    earlier: Floats | None = None  #: commands of the outflow before each row [m3/s], (days, m); None: unknown
     seed: tuple[int, ...] = (0,)  #: for random effects: the same seed gives the same draw
 
     def rng(self, stream: int = 0) -> np.random.Generator:

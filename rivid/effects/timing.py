@@ -229,7 +229,18 @@ class GateDeadband(_Timing):
     band: float = quantity(4.0, "m3/s", 0.0, 1e4, "changes smaller than this are not carried out")
 
     def changes(self, world: World) -> Changes:
-        return Changes(gate=Gate(dead_band=self.band * self.active(world)))
+        band = self.band * self.active(world)
+        return Changes(gate=Gate(dead_band=band, start=_rested(world.earlier, band)))
+
+
+def _rested(earlier: Floats | None, band: Floats) -> Floats:
+    """Return the position, shape (days, 1) [m3/s], in which earlier commands left a gate with a dead-band."""
+    if earlier is None:
+        return np.full(1, np.inf)
+    position, within = earlier[:, 0], np.broadcast_to(band, (len(earlier), band.shape[-1]))[:, 0]
+    for command in earlier.T[1:]:
+        position = np.where(np.abs(command - position) >= within, command, position)
+    return position[:, None]
 
 
 @dataclass(frozen=True, kw_only=True)

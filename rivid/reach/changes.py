@@ -79,6 +79,9 @@ class Gate:
     factor: Floats = _constant(1.0)  # real flow over the gate's [-]
     head: Floats = _constant(0.0)  # relative gain of the flow for each metre above `reference` [1/m]
     reference: float = 0.0  # [m]
+    start: Floats = _constant(
+        np.inf
+    )  # position at the first sample of a row [m3/s]; inf: that of the command
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +135,7 @@ def together(changes: Iterable[Changes]) -> Changes:
     """Several changes at once, their maps of the inflow applied in turn: the last real inflow holds.
 
     Flows, leaks and ponds are collected; factors multiply; dead-bands, lags and slopes add; the slowest rate
-    holds. RividError where two changes refer to different levels.
+    and the lowest start of the gate hold. RividError where two changes refer to different levels.
     """
     parts = list(changes)
     gates = [c.gate for c in parts]
@@ -142,6 +145,7 @@ def together(changes: Iterable[Changes]) -> Changes:
         result = Gate(
             result.dead_band + gate.dead_band, np.minimum(result.rate, gate.rate), result.lag + gate.lag,
             result.factor * gate.factor, result.head + gate.head, reference,
+            np.minimum(result.start, gate.start),
         )  # fmt: skip
     return Changes(
         inflow=next((c.inflow for c in reversed(parts) if c.inflow is not None), None),

@@ -30,6 +30,7 @@ class GateArrays(NamedTuple):
     factor: Floats
     head: Floats
     reference: float
+    start: Floats
 
 
 class ExchangeArrays(NamedTuple):
@@ -87,7 +88,7 @@ def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
     """The changes' gate on a (days, n) grid."""
     gate = changes.gate
     if changes.gate_is_plain:  # one row, which the loops do not read
-        return GateArrays(True, *(np.zeros((1, 1)),) * 5, 0.0)
+        return GateArrays(True, *(np.zeros((1, 1)),) * 5, 0.0, np.zeros((1, 1)))
 
     def rows(name: str, values: Floats) -> Floats:
         return on_grid(f"the gate's {name}", values, shape, infinite=True)
@@ -95,6 +96,7 @@ def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
     return GateArrays(
         False, rows("dead-band", gate.dead_band), rows("rate", gate.rate), rows("lag", gate.lag),
         rows("factor", gate.factor), rows("head gain", gate.head), float(gate.reference),
+        rows("start", gate.start),
     )  # fmt: skip
 
 
@@ -145,6 +147,14 @@ def operate(operators: OperatorArrays, k: int, t: float, level: float, memory: F
     memory[UNTIL] = t + operators.wait[k]
     memory[COMMAND] = given
     return float(given)
+
+
+@njit(cache=True, error_model="numpy")
+def gate_start(gate: GateArrays, day: int, command: float) -> float:
+    """Position of the gate at the first sample of a row [m3/s]."""
+    if gate.plain or np.isinf(gate.start[day, 0]):
+        return command
+    return float(gate.start[day, 0])
 
 
 @njit(cache=True, error_model="numpy")

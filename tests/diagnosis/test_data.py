@@ -10,6 +10,7 @@ from rivid.config import Config
 from rivid.diagnosis.data import (
     FADED,
     NEAR,
+    PAST,
     START_UP,
     activity,
     as_record,
@@ -46,6 +47,17 @@ def test_a_row_begins_with_the_end_of_the_day_before_it():
     np.testing.assert_array_equal(r.output[2, :lead], r.output[1, -lead:])
     assert (np.diff(r.time, axis=1) == 900.0).all()
     assert r.time[3, lead] == 5 * 86_400.0
+
+
+def test_commands_before_a_row_are_those_of_earlier_days_and_held_before_these():
+    r, rest = record(), 96 - LEAD
+    days = r.outflow[:, LEAD:]
+    before = np.concatenate([days[0], days[1, :rest]])  # of the third day
+    held = np.full(PAST * 96 - LEAD - len(before), days[0, 0])
+    np.testing.assert_array_equal(r.earlier[2], np.concatenate([held, before]))
+    for first in (0, 3):  # nothing precedes these days
+        assert (r.earlier[first] == r.outflow[first, 0]).all()
+    np.testing.assert_array_equal(r.take([2, 4]).earlier, r.earlier[[2, 4]])
 
 
 def test_a_day_that_nothing_precedes_has_a_held_start_that_does_not_count():

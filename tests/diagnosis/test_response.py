@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import invgauss
 
-from rivid.diagnosis.data import as_record
+from rivid.diagnosis.data import PAST, as_record
 from rivid.diagnosis.explanation import fitted
 from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.base import (
@@ -122,6 +122,24 @@ def test_what_follows_the_level_follows_the_observed_one(name, values):
     seen = slice(5, None)  # exclude the first readings: a row starts at their mean
     off = (left - expected)[:, seen] - (left - expected)[:, seen].mean(axis=1, keepdims=True)
     assert rms(off) < 0.03 * rms(expected[:, seen] - expected[:, seen].mean(axis=1, keepdims=True))
+
+
+def test_a_gate_rests_at_midnight_where_earlier_commands_left_it():
+    """Regression: with the commanded flow at the start, three days of four began with a false outflow."""
+    rng, days, n = np.random.default_rng(0), PAST + 1, 288
+    moves = rng.integers(-3, 4, days * n) * (rng.random(days * n) < 0.1)
+    outflow = 300.0 + np.cumsum(moves).reshape(days, n)
+    dates = [dt.date(2024, 3, 1) + dt.timedelta(days=k) for k in range(days)]
+    record = as_record(
+        dates, 300.0 * np.arange(n), outflow, outflow, np.full((days, n), 130.0), sample_time=300.0, lead=40
+    )
+    got = real_flows(record, changes_of([CATALOGUE["gate_deadband"](band=8.0)], record.world())).outflow
+    at, expected = outflow[0, 0], []
+    for command in outflow.ravel():
+        at = command if abs(command - at) >= 8.0 else at
+        expected.append(at)
+    np.testing.assert_array_equal(got[:, 40:], np.reshape(expected, (days, n)))
+    assert (got[1:, 0] != record.outflow[1:, 0]).mean() > 0.5
 
 
 def test_days_that_the_channel_cannot_carry_are_known():

@@ -52,6 +52,19 @@ def test_the_gates_flow_agrees_with_second_by_second_integration(gate):
     np.testing.assert_array_equal(through_gate(Gate(), command), command)
 
 
+@pytest.mark.parametrize("off", [5.0, -11.0, 13.0])
+def test_a_gate_starts_where_it_is_and_stays_while_the_command_is_near(off):
+    inflow, outflow = commands(2)
+    gate = Gate(dead_band=np.full(1, 12.0), start=np.full(1, outflow[0] + off))
+    released = simulate(CHANNEL, TIME, inflow, outflow, 5.2, changes=Changes(gate=gate)).released
+    at, expected = outflow[0] + off, []
+    for command in outflow[:-1]:
+        at = command if abs(command - at) >= 12.0 else at
+        expected.append(at)
+    np.testing.assert_allclose(released[:-1], expected)
+    assert len(set(expected)) > 3 and (expected[0] == outflow[0]) == (abs(off) > 12.0)
+
+
 def test_head_makes_the_flow_grow_with_the_level_and_a_pond_never_overshoots():
     gate = Gate(head=np.full(1, 0.2), reference=129.5)
     np.testing.assert_allclose(through_gate(gate, np.full(3, 100.0), 130.0), 110.0)

@@ -19,14 +19,12 @@ from rivid.diagnosis.data import Kind, Record
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes
 from rivid.reach.gate import (
-    FLOW,
     GATE,
-    POSITION,
-    TARGET,
     GateArrays,
     exchange_arrays,
     gate_arrays,
     gate_flow,
+    gate_start,
     on_grid,
     pond_flow,
 )
@@ -296,7 +294,7 @@ def follow(
     ponds = len(area)
     state, height = np.empty(GATE), np.empty(ponds)
     for day in range(days):
-        state[TARGET] = state[POSITION] = state[FLOW] = command[day, 0]
+        state[:] = gate_start(gate, day, command[day, 0])
         height[:] = level[day, 0]
         for k in range(n):
             dt = steps[day, k]

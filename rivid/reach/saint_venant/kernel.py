@@ -33,6 +33,7 @@ from rivid.reach.gate import (
     GateArrays,
     OperatorArrays,
     gate_flow,
+    gate_start,
     operate,
     pond_flow,
     start_operators,
@@ -271,7 +272,7 @@ def advance(
     for day in range(first, last):
         if len(start) > 0:
             Q_0 = discharge[day, 0]
-            known = inflow[day, 0], outflow[day, 0]
+            known = inflow[day, 0], gate_start(gate, day, outflow[day, 0])
             if not settle(*known, entering[day], start[day], sections, dx, area[day], Q_0):
                 return UNSTEADY, day, 0, 0, 0.0
             discharge[day, 1] = Q_0
@@ -306,7 +307,7 @@ def advance(
             if k == 0 and fresh:
                 if usual == 0.0:
                     usual = clock[day, 2] = speed
-                gate_state[day, :] = outflow[day, 0]
+                gate_state[day, :] = gate_start(gate, day, outflow[day, 0])
                 for j in range(len(pond_share)):
                     ponds[day, j] = level_at(W, pond_share[j], 0.0)
             if k == n - 1:
