@@ -173,7 +173,7 @@ def screened_instead(
         left = residual_of(record, bare.baseline(record)) - one.coded
     except RividError:  # the reach cannot carry the flows
         return []
-    mine = np.array([i == last for i, _, _ in model.slots()])
+    mine = np.array([i == last for i, _, _ in model.slots()], bool)
     own, sd = one.own[~mine], one.sd[np.append(np.ones(len(one.shared), bool), ~mine)]
     base, _ = _at_optimum(replace(one, model=bare, residual=left, own=own, sd=sd), record)
     same = tuple(pair for pair in library.trials if effect is None or pair[0].name == effect.name)

@@ -89,6 +89,15 @@ def test_a_daily_wave_is_named_with_its_size_and_hour_and_closes_the_gap():
     assert np.corrcoef(before, wave)[0, 1] > 0.8
 
 
+def test_a_dead_band_is_named_with_the_commands_between_which_it_is():
+    """Commands are whole m3/s; the gate seldom rests where the command is when a day begins."""
+    record = season(CATALOGUE["gate_deadband"](band=14.2))
+    result, _ = answer(record, "gate_deadband", "sensor_step", "unlogged_downstream_release", "outflow_lag")
+    assert result.verdict == "explained" and [e.name for e in result.effects] == ["gate_deadband"]
+    band = number(result.effects[0], "band")
+    assert 14.0 < band.value < 15.0 and 13.0 < band.low < 14.2 < band.high < 16.0
+
+
 @pytest.mark.long
 def test_of_two_gains_that_look_alike_the_true_one_is_in_the_answer():
     record = season(CATALOGUE["outflow_gain_error"](error=0.04))
