@@ -32,10 +32,10 @@ FADED = 3.0
 """Start-up of a pool, in memories of its waves: 5 % of the waves of a wrong steady start then remain. With
 START_UP alone 29 releases were found in a season of 39 days, 27 within half an hour of midnight."""
 
-PAST = 3
+PAST = 7
 """Days of earlier commands from which the position of a gate with a dead-band follows. In four development
-seasons, for bands of up to three times the median change, it is then wrong on 2 % of the days at most; the
-command itself is on 59 to 84 %."""
+seasons, for bands of up to three times the median change, it is that of thirty days; the command itself is
+wrong on 59 to 84 % of the days."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Record:
     activity: Floats | None = None
     # samples at the start of each row until flows of that time arrive: errors show the assumed start
     blind: int = 0
-    # (days, m): u_Qo before the first sample of each row, without gaps [m3/s]; None if unknown
+    # (days, m): u_Qo before the first sample of each row, without repetitions [m3/s]; None if unknown
     earlier: Floats | None = None
 
     @property
@@ -233,8 +233,18 @@ def as_record(
     return Record(
         dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
         output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
-        used=np.concatenate([before, used], axis=1), earlier=earlier[:, :-1] if kind == "pool" else None,
+        used=np.concatenate([before, used], axis=1),
+        earlier=_moves(earlier[:, :-1]) if kind == "pool" else None,
     )  # fmt: skip
+
+
+def _moves(commands: Floats) -> Floats:
+    """Return commands (days, n) without repetitions, the first one of each row repeated before them."""
+    change = np.diff(commands, axis=1) != 0.0
+    moves = np.repeat(commands[:, :1], change.sum(axis=1).max() + 1, axis=1)
+    for row, given, new in zip(moves, commands, change, strict=True):
+        row[len(row) - new.sum() :] = given[1:][new]
+    return moves
 
 
 def read_record(

@@ -577,6 +577,8 @@ def with_events(
     seen = np.where(record.used, parent.residual, np.nan)
     opened = parent.weights > 0.0
     follows = np.append(False, np.diff(record.day_number) == 1)
+    if any(other.stepwise for other in parent.model.effects):
+        seen[~follows] = np.nan  # where the gate rests is known from the day before: else it makes events
     plain = replace(record.take(opened), activity=None)
     found: Events | None = None
     for turn in range(CODINGS):

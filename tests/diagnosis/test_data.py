@@ -10,7 +10,6 @@ from rivid.config import Config
 from rivid.diagnosis.data import (
     FADED,
     NEAR,
-    PAST,
     START_UP,
     activity,
     as_record,
@@ -53,8 +52,8 @@ def test_commands_before_a_row_are_those_of_earlier_days_and_held_before_these()
     r, rest = record(), 96 - LEAD
     days = r.outflow[:, LEAD:]
     before = np.concatenate([days[0], days[1, :rest]])  # of the third day
-    held = np.full(PAST * 96 - LEAD - len(before), days[0, 0])
-    np.testing.assert_array_equal(r.earlier[2], np.concatenate([held, before]))
+    np.testing.assert_array_equal(r.earlier[2], before)
+    np.testing.assert_array_equal(r.earlier[1], np.append(np.full(96, days[0, 0]), days[0, :rest]))
     for first in (0, 3):  # nothing precedes these days
         assert (r.earlier[first] == r.outflow[first, 0]).all()
     np.testing.assert_array_equal(r.take([2, 4]).earlier, r.earlier[[2, 4]])

@@ -400,6 +400,18 @@ def test_steps_of_the_gauge_are_events_with_a_price():
     assert with_events(one, CATALOGUE["sensor_step"], KERNELS, record, 0.0) is None  # no event remains
 
 
+def test_beside_a_dead_band_no_events_are_on_a_day_that_begins_with_a_gate_of_unknown_position():
+    """Regression: four such days of 53 had releases worth 1,700 nats, with a probability above 0.99."""
+    hidden = CATALOGUE["sensor_step"](step=(0.06, -0.1), start=(12.0, 150.0))
+    record = pools.season(4, days=10, effects=(hidden,))
+    parent = pools.explained(record)
+    gate = CATALOGUE["gate_deadband"](band=0.5)  # below the step of the commands
+    beside = replace(parent, model=replace(parent.model, effects=(gate,), free=((),)))
+    for one, days in ((parent, [0, 6]), (beside, [6])):
+        made = with_events(one, CATALOGUE["sensor_step"], KERNELS, record, -2.0)
+        assert [e.day for e in made.events[0].events] == days
+
+
 def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
     record = pools.season(
         5, days=10, effects=(CATALOGUE["wind_setup"](deviation=0.03, correlation_time=1.0),)
