@@ -275,14 +275,12 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
 
 def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
     """Return standard errors of the free values of an effect of the last explanation."""
-    # A stepwise parameter has no influence between two commands, which adds to its standard error. Where
-    # the days contribute less to the latter than the prior, no command is near: it is known to a step.
-    last = study.last
-    errors = last.errors_of(index)
-    for key in last.effects[index].stepwise:
-        between, local = command_steps(study.record)[0] / np.sqrt(12.0), errors.get((key, None), 0.0)
-        prior = last.errors_of(index, last.sd).get((key, None), 0.0)
-        errors[key, None] = float(np.hypot(local, between)) if local < prior / np.sqrt(2.0) else between
+    # A stepwise parameter has no influence between two commands, which adds to its standard error, or is all
+    # of it where it is not free.
+    errors, effect = study.last.errors_of(index), study.last.effects[index]
+    for key in effect.stepwise:
+        between = command_steps(study.record)[0] / np.sqrt(12.0)
+        errors[key, None] = float(np.hypot(errors.get((key, None), 0.0), between))
     return errors
 
 

@@ -111,13 +111,9 @@ class Explanation:
         model = self.model
         return replace(model, effects=(*model.effects, *events), free=(*model.free, *((),) * len(events)))
 
-    def errors_of(self, index: int, errors: Floats | None = None) -> dict[tuple[str, int | None], float]:
-        """Return standard errors of an effect's free values, by parameter and index in a tuple.
-
-        `errors` may be others of all parameters, such as those of the prior.
-        """
-        errors = self.standard_errors if errors is None else errors
-        own = errors[len(self.model.reach.parameters) :].tolist()
+    def errors_of(self, index: int) -> dict[tuple[str, int | None], float]:
+        """Return standard errors of an effect's free values, by parameter and index in a tuple."""
+        own = self.standard_errors[len(self.model.reach.parameters) :].tolist()
         slots = self.model.slots()
         return {key: error for (i, key, _), error in zip(slots, own, strict=False) if i == index}
 

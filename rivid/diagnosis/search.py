@@ -515,8 +515,9 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     )  # fmt: skip
 
 
-MANY_STEPS, FEW_STEPS = 40, 8
-"""Values tried of a stepwise parameter: at first, over its range, and then about the best one in turn."""
+MANY_STEPS, FEW_STEPS = 80, 8
+"""Values tried of a stepwise parameter: at first, over its range, and then about the best one in turn. Of
+2,000 steps, 40 at first left a ratio of 1.2, and missed a band of 26 m3/s."""
 
 
 def command_steps(record: Record) -> tuple[float, float]:

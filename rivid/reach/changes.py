@@ -79,9 +79,7 @@ class Gate:
     factor: Floats = _constant(1.0)  # real flow over the gate's [-]
     head: Floats = _constant(0.0)  # relative gain of the flow for each metre above `reference` [1/m]
     reference: float = 0.0  # [m]
-    start: Floats = _constant(
-        np.inf
-    )  # position at the first sample of a row [m3/s]; inf: that of the command
+    start: Floats = _constant(np.inf)  # position at the first sample of a row [m3/s]; inf: the command
 
 
 @dataclass(frozen=True, eq=False)

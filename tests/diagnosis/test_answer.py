@@ -116,16 +116,13 @@ def test_a_state_that_is_always_there_is_left_out():
     assert not after_step(still)[0].any()
 
 
-def estimated(errors, band=7.0, step=2.0):
-    """Return the estimate of a dead-band, by its standard error and that of its prior."""
+def estimated(errors):
+    """Return the estimate of a dead-band of 7 m3/s, with commands that are multiples of 2 m3/s."""
     rng = np.random.default_rng(0)
-    outflow = 300.0 + step * rng.integers(0, 9, EVIDENCE.record.outflow.shape)
+    outflow = 300.0 + 2.0 * rng.integers(0, 9, EVIDENCE.record.outflow.shape)
     record = dataclasses.replace(EVIDENCE.record, outflow=outflow)
-    effect = GateDeadband(band=band)
-    last = SimpleNamespace(
-        effects=(effect,), events=(), sd=errors[1],
-        errors_of=lambda index, error=errors[0]: {("band", None): error},
-    )  # fmt: skip
+    effect = GateDeadband(band=7.0)
+    last = SimpleNamespace(effects=(effect,), events=(), errors_of=lambda index: dict(errors))
     study = SimpleNamespace(
         record=record, last=last, sure=("gate_deadband",), group=(), names=("gate_deadband",),
         steps=(SimpleNamespace(added=effect, events=()),), chance_of=lambda name, times: 0.99,
@@ -135,16 +132,16 @@ def estimated(errors, band=7.0, step=2.0):
     return found.parameters[0]
 
 
-@pytest.mark.parametrize("errors", [(0.05, 70.0), (69.9, 70.0)], ids=["commands near", "no command near"])
+@pytest.mark.parametrize("errors", [{("band", None): 0.05}, {}], ids=["free", "not free"])
 def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(errors):
-    """Commands are multiples of 2 m3/s: bands of 6.1 and of 7.9 give the same commands."""
+    """Bands of 6.1 and of 7.9 give the same flows."""
     found = estimated(errors)
     assert found.low < 6.1 < 7.9 < found.high
     assert found.high - found.low < 4.0  # commands of 4 and 10 m3/s would differ
 
 
 def test_an_interval_ends_at_the_limits_of_its_parameter():
-    found = estimated((5.0, 70.0))
+    found = estimated({("band", None): 5.0})
     assert found.low == 0.0 and found.high > 15.0
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from rivid.diagnosis.data import activity
 from rivid.diagnosis.explanation import Explanation
+from rivid.diagnosis.fit import DIFFERENCE
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search import (
@@ -22,6 +23,8 @@ from rivid.diagnosis.search import (
     screened,
     screened_again,
     screened_instead,
+    squares_left,
+    stepped,
     windows_near,
     with_effect,
     with_events,
@@ -410,6 +413,25 @@ def test_beside_a_dead_band_no_events_are_on_a_day_that_begins_with_a_gate_of_un
     for one, days in ((parent, [0, 6]), (beside, [6])):
         made = with_events(one, CATALOGUE["sensor_step"], KERNELS, record, -2.0)
         assert [e.day for e in made.events[0].events] == days
+
+
+@pytest.mark.parametrize("band, step", [(3.4, 1.0), (14.2, 1.0), (26.0, 0.02)])
+def test_a_band_is_the_best_of_all_between_two_commands_and_free_where_many_commands_are_near(band, step):
+    gate = CATALOGUE["gate_deadband"]
+    record = pools.season(4, days=10, effects=(gate(band=band),))
+    if step < 1.0:  # commands to the second decimal
+        fine = step * np.random.default_rng(0).integers(0, 20, record.outflow.shape)
+        record = replace(record, outflow=record.outflow + fine)
+    parent = pools.explained(record)
+    model = replace(parent.model, effects=(gate(band=5.0),), free=(("band",),))
+    found = stepped(model, "band", parent, record)
+    every = np.arange(0.5, np.abs(np.diff(record.outflow, axis=1)).max() + 1.0, 0.5 if step == 1.0 else 0.2)
+    others = [replace(model, effects=(gate(band=value),)) for value in every.tolist()]
+    least = min(squares_left(other, parent, record) for other in others)
+    assert squares_left(found, parent, record) <= least + 1e-9
+    value = found.effects[0].band
+    assert found.free == ((("band",),) if DIFFERENCE * value >= step else ((),))
+    assert abs(value - band) < 1.0
 
 
 def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
