@@ -556,19 +556,26 @@ class Study:
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def beyond(self, one: Explanation, least: float, *parts: Bools) -> bool:
-        """Return whether the squared error on one part of the days exceeds its noise's by a share `least`."""
+        """Return whether the squared error on one part of the days exceeds its noise's by a share `least`.
+
+        The block with the largest excess is left out, if there are others, since one incident is no cause that
+        the season lacks.
+        """
         from scipy.stats import gamma
 
         # Sums of squares of simulated seasons are treated as a gamma variable. Each horizon of each part is a
         # separate test; the tests share the significance level.
-        def sums_of(errors: DayErrors) -> Floats:
-            return np.concatenate([errors.squares[:, days].sum(axis=1) for days in parts])
-
-        seen, rng = sums_of(one.errors), np.random.default_rng(0)
-        sums = np.stack([sums_of(self._drawn(one, one.noise, rng)) for _ in range(SEASONS)])
-        mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
-        chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
-        return bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / len(seen))).any())
+        rng, found, tests = np.random.default_rng(0), False, len(parts) * len(one.errors.squares)
+        drawn = np.stack([self._drawn(one, one.noise, rng).squares for _ in range(SEASONS)])
+        for days in parts:
+            seen, sums = (block_sums(x, days, self.split.block) for x in (one.errors.squares, drawn))
+            excess = seen - sums.mean(axis=0)
+            kept = (excess < excess.max(axis=1, keepdims=True)) | (seen.shape[1] == 1)
+            seen, sums = (seen * kept).sum(axis=1), (sums * kept).sum(axis=2)
+            mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
+            chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
+            found |= bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / tests)).any())
+        return found
 
     def large(self, one: Explanation) -> bool:
         """Return whether the unknown cause makes a material share of the error of simulated days."""

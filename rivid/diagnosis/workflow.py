@@ -369,13 +369,18 @@ class _Search:
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """Return the most probable explanation with a last effect or unknown that is material."""
+        """Return the most probable explanation likelier than its parent by something material."""
         # Immaterial effects can gain many nats if the response misses fronts, without reducing the error.
+        # Beside one of these an unknown cause that gains nothing can be the first material one.
         study = self.study()
-        counts = (
-            one for one in self.ordered() if one.parent is None or study.core(one) != study.core(one.parent)
-        )
-        return next(counts, study.first)
+
+        def counts(one: Explanation) -> bool:
+            parent = one.parent
+            return parent is None or (
+                study.score(one) > study.score(parent) and study.core(one) != study.core(parent)
+            )
+
+        return next(filter(counts, self.ordered()), study.first)
 
     def extend(self, parent: Explanation, early: bool = True) -> Explanation:
         """Add the extensions of `parent` by one effect or by an unknown flow or gauge to the pool.

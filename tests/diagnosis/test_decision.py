@@ -453,6 +453,9 @@ def test_errors_of_the_noise_are_an_excess_as_often_as_said_and_larger_ones_on_t
         one = replace(explained(noise=noise), errors=errors)
         found += [study_of(one).beyond(one, 0.0, *parts) for parts in ((OPEN,), (OPEN, ~OPEN))]
     assert (found <= DOUBT * seasons + 3.0 * np.sqrt(DOUBT * seasons)).all()
+    once = np.where(~OPEN & (BLOCK == BLOCK[~OPEN][0]), 9.0, 1.0)  # an incident
+    rare = replace(one, errors=errors._replace(squares=once * errors.squares))
+    assert not study_of(rare).beyond(rare, 0.0, OPEN, ~OPEN)
     errors.squares[:, ~OPEN] *= 4.0
     assert not study_of(one).beyond(one, 0.5, OPEN) and study_of(one).beyond(one, 0.5, ~OPEN)
 

@@ -293,6 +293,9 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is gain
     search.ordered = lambda: [pond, nothing, gain]
     assert _Search.lead(search) is nothing
+    waves = explained("", 0.0, 0.5, parent=pond, unknown="flow")  # material, and no likelier
+    search.ordered = lambda: [pond, waves, gain, nothing]
+    assert _Search.lead(search) is gain
 
 
 @pytest.mark.parametrize(
