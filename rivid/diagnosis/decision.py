@@ -558,8 +558,8 @@ class Study:
     def beyond(self, one: Explanation, least: float, *parts: Bools) -> bool:
         """Return whether the squared error on one part of the days exceeds its noise's by a share `least`.
 
-        The block with the largest excess is left out, if there are others, since one incident is no cause that
-        the season lacks.
+        The excess must be significant without its largest block, too, if there are others: one incident is no
+        cause that the season lacks.
         """
         from scipy.stats import gamma
 
@@ -571,10 +571,11 @@ class Study:
             seen, sums = (block_sums(x, days, self.split.block) for x in (one.errors.squares, drawn))
             excess = seen - sums.mean(axis=0)
             kept = (excess < excess.max(axis=1, keepdims=True)) | (seen.shape[1] == 1)
+            much = sums.sum(axis=2).mean(axis=0) <= (1.0 - least) * seen.sum(axis=1)
             seen, sums = (seen * kept).sum(axis=1), (sums * kept).sum(axis=2)
             mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
             chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
-            found |= bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / tests)).any())
+            found |= bool((much & (chance < DOUBT / tests)).any())
         return found
 
     def large(self, one: Explanation) -> bool:
