@@ -23,7 +23,7 @@ from scipy.special import ndtri
 
 from rivid.config import Config
 from rivid.diagnosis.calibrated import SETTLED, ReachModel, reached
-from rivid.diagnosis.data import Record, with_activity
+from rivid.diagnosis.data import PAST, Record, moves_of, with_activity
 from rivid.diagnosis.response.hydraulic import as_far_as_it_goes
 from rivid.errors import ConfigError, NoDataError
 from rivid.logs.days import find_days, held_means, read_series
@@ -239,12 +239,14 @@ def run(
         inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
     else:
         inflow[:, until + 1 :] = inflow[:, until : until + 1]
+    before = _hold(series.outflow)[np.maximum(at[:, :1] + np.arange(-round(PAST * DAY / T), 0), 0)]
+    before = np.where(np.isfinite(before), before, outflow[:, :1])
     time = series.time[0] + (origins[:, None] + steps) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
         dates=tuple(series.first + dt.timedelta(days=day) for day in days),
         time=time, inflow=inflow, outflow=outflow, output=output, used=np.isfinite(output), lead=lead,
-        sample_time=T, kind=model.kind,
+        sample_time=T, kind=model.kind, earlier=moves_of(before),
     )  # fmt: skip
     kernels = model.kernels(time.shape[1])
     record = with_activity(record, kernels["up"], kernels["down"])

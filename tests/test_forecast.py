@@ -12,6 +12,7 @@ import pytest
 import rivid
 from rivid.diagnosis.data import activity
 from rivid.diagnosis.response.base import kernels_of
+from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError, NoDataError
 from rivid.forecast import (
     LEVELS,
@@ -19,6 +20,7 @@ from rivid.forecast import (
     forecast,
     lead_of,
     learnt_quantiles,
+    run,
     simulations,
 )
 from tests.daily import write_days
@@ -120,6 +122,31 @@ def test_with_announced_flows_it_is_the_simulation_and_the_filter(known):
     np.testing.assert_allclose(found.quantiles[2], mean[later], atol=1e-6)
     wide = found.quantiles[4] - found.quantiles[0]
     np.testing.assert_allclose(wide, 2 * 1.6448536 * np.sqrt(var[later]), rtol=1e-5)
+
+
+def test_a_gate_with_a_dead_band_rests_where_earlier_commands_left_it():
+    """The flow that it keeps is that of a gate without a dead-band at the earlier command."""
+    reach, season = pool("none")
+    reach = replace(reach, model=replace(reach.model, noise=replace(reach.noise, misfit=0.0)))
+    gate = CATALOGUE["gate_deadband"](band=10.0)
+    stuck = replace(reach, model=replace(reach.model, effects=(gate,), free=((),)))
+    n, T = round(3 * 86400 / reach.sample_time), reach.sample_time
+    now, lead, ahead = n - 60, lead_of(reach), 40
+    flow = np.full(n, season.usual_flow)
+    small = flow + 6.0 * (np.arange(n) >= now - 2 * lead)  # before the row begins
+    level = season.usual_output + 1e-3 * np.random.default_rng(0).standard_normal(n)
+
+    def ahead_of(model, outflow):
+        given = Series(
+            T * np.arange(n), FIRST, flow, outflow, level, now, dt.datetime.combine(FIRST, dt.time(), ZONE)
+        )
+        return run(model, given, np.array([now]), lead, ahead, ahead, repeat=False)[0][0]
+
+    np.testing.assert_allclose(ahead_of(stuck, small), ahead_of(reach, flow), atol=1e-9)
+    assert np.abs(ahead_of(reach, small) - ahead_of(reach, flow)).max() > 0.01  # moved as commanded
+    untaken = flow + 6.0 * (np.arange(n) >= now - lead - 20) + 6.0 * (np.arange(n) >= now - lead - 10)
+    untaken[now - lead - 5 :] = flow[0] + 6.0  # moved by 12, then back within the band
+    np.testing.assert_allclose(ahead_of(stuck, untaken), ahead_of(reach, flow + 12.0), atol=1e-9)
 
 
 def test_a_forecast_with_announced_flows_is_better_than_one_without(known):

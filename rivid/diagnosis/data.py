@@ -234,11 +234,11 @@ def as_record(
         dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
         output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
         used=np.concatenate([before, used], axis=1),
-        earlier=_moves(earlier[:, :-1]) if kind == "pool" else None,
+        earlier=moves_of(earlier[:, :-1]) if kind == "pool" else None,
     )  # fmt: skip
 
 
-def _moves(commands: Floats) -> Floats:
+def moves_of(commands: Floats) -> Floats:
     """Return commands (days, n) without repetitions, the first one of each row repeated before them."""
     change = np.diff(commands, axis=1) != 0.0
     moves = np.repeat(commands[:, :1], change.sum(axis=1).max() + 1, axis=1)
