@@ -122,13 +122,21 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             if study.stranger is not None and study.stranger.unknown == "dynamics":
                 kind = "No geometry near the configured length, width and depth makes this response"
             return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
-        if study.beyond(study.ranking[0][0], MOST, study.opened, study.split.sealed):
+        days = np.flatnonzero(study.excess(study.ranking[0][0], MOST, study.opened, study.split.sealed))
+        if np.unique(study.split.block[days]).size > 1:
             return "unknown", (
                 "Something is missing: most of the error of the simulation is beyond plausible weather, the "
                 f"gauge and the response, and no name is probable enough{first}."
             )
+        incident = ""
+        if days.size:
+            ends = " to ".join(str(study.record.dates[day]) for day in days[[0, -1]])
+            incident = (
+                f" Most of the error of {ends} is beyond the noise, on those days only: see their logs."
+            )
         return "no_gap", (
             f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
+            + incident
         )
     counted = Counter(named)
     names = ", ".join(_words(name) + TIMES.get(k, "") for name, k in counted.items()).capitalize()

@@ -556,27 +556,39 @@ class Study:
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def beyond(self, one: Explanation, least: float, *parts: Bools) -> bool:
-        """Return whether the squared error on one part of the days exceeds its noise's by a share `least`.
+        """Return whether an excess of :meth:`excess` is in two blocks or more: one is an incident."""
+        return len(np.unique(self.split.block[self.excess(one, least, *parts)])) > 1
 
-        The excess must be significant without its largest block, too, if there are others: one incident is no
-        cause that the season lacks.
+    def excess(self, one: Explanation, least: float, *parts: Bools) -> Bools:
+        """Return days on which the squared error exceeds that of the noise, shape (days,).
+
+        They are one of the parts of the days, at a horizon of which the excess is a share `least` or more and
+        significant; the block with the largest excess alone, if it is not significant without; or none.
         """
         from scipy.stats import gamma
 
         # Sums of squares of simulated seasons are treated as a gamma variable. Each horizon of each part is a
         # separate test; the tests share the significance level.
-        rng, found, tests = np.random.default_rng(0), False, len(parts) * len(one.errors.squares)
+        rng, block, level = np.random.default_rng(0), self.split.block, DOUBT / len(parts) / len(HORIZONS)
         drawn = np.stack([self._drawn(one, one.noise, rng).squares for _ in range(SEASONS)])
-        for days in parts:
-            seen, sums = (block_sums(x, days, self.split.block) for x in (one.errors.squares, drawn))
-            excess = seen - sums.mean(axis=0)
-            kept = (excess < excess.max(axis=1, keepdims=True)) | (seen.shape[1] == 1)
-            much = sums.sum(axis=2).mean(axis=0) <= (1.0 - least) * seen.sum(axis=1)
-            seen, sums = (seen * kept).sum(axis=1), (sums * kept).sum(axis=2)
+        incident = np.zeros(len(block), bool)
+
+        def significant(seen: Floats, sums: Floats) -> Bools:
             mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
             chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
-            found |= bool((much & (chance < DOUBT / tests)).any())
-        return found
+            return np.asarray(chance < level)
+
+        for days in parts:
+            seen, sums = (block_sums(x, days, block) for x in (one.errors.squares, drawn))
+            largest = (seen - sums.mean(axis=0)).argmax(axis=1)
+            much = sums.sum(axis=2).mean(axis=0) <= (1.0 - least) * seen.sum(axis=1)
+            much &= significant(seen.sum(axis=1), sums.sum(axis=2))
+            others = np.arange(seen.shape[1]) != largest[:, None]
+            if (much & significant((seen * others).sum(axis=1), (sums * others).sum(axis=2))).any():
+                return days
+            for k in largest[much].tolist():
+                incident |= days & (block == np.unique(block[days])[k])
+        return incident
 
     def large(self, one: Explanation) -> bool:
         """Return whether the unknown cause makes a material share of the error of simulated days."""

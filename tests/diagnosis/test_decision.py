@@ -675,6 +675,11 @@ def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
         study = study_of(replace(one, errors=errors))
         found, reason = _verdict(study, gap_of(evidence_of(RECORD)), None)
         assert found == expected and ("most of the error" in reason) == (expected == "unknown")
+    there = np.flatnonzero(BLOCK == BLOCK[~OPEN][0])  # an incident
+    errors = drawn._replace(squares=np.where(BLOCK == BLOCK[there[0]], 9.0, 1.0) * drawn.squares)
+    found, reason = _verdict(study_of(replace(one, errors=errors)), gap_of(evidence_of(RECORD)), None)
+    first, last = (str(RECORD.dates[day]) for day in there[[0, -1]])
+    assert found == "no_gap" and f"{first} to {last} is beyond the noise, on those days only" in reason
 
 
 def test_the_ranking_has_what_matters_with_gain_and_materiality():
