@@ -321,6 +321,8 @@ class Study:
     extended: Container[tuple[str, ...]] = ()  # sorted names beside which further effects were tried
     found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`_given`
     late: dict[Explanation, tuple[Effect, ...]] = field(default_factory=dict)  # of :meth:`stand_ins`
+    # errors without the part of an effect that no other parameter can reproduce; for all studies of a search
+    without: dict[tuple[Explanation, Effect], DayErrors | None] = field(default_factory=dict)
 
     @cached_property
     def first(self) -> Explanation:
@@ -504,15 +506,17 @@ class Study:
             return self._swings(effect)
         if self._like_response(one, effect, less) or self._within_stamps(one, effect):
             return False
-        made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
-        if made is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
+        if (one, effect) not in self.without:
+            made = made_alone(one, effect, self.record)
+            errors = None if made is None else errors_without(one, effect, made, self.record)
+            self.without[one, effect] = errors
+        left, active = self.without[one, effect], one.active(self.record, effect)
+        if left is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
             return False
-        if made is not None:
-            # Errors of a run without it may still be smaller: operators react to the weather, so that the
-            # logged outflow predicts the level.
-            left = errors_without(one, effect, made, self.record)
-            if not self._material(one, replace(one, errors=left), active):
-                return False
+        # Errors of a run without it may still be smaller: operators react to the weather, so that the logged
+        # outflow predicts the level.
+        if left is not None and not self._material(one, replace(one, errors=left), active):
+            return False
         bare = [o for o in self.pool if o.names == less.names and o.unknown == less.unknown]
         own = [o for o in bare if o.model.reach.name == one.model.reach.name]
         return self._material(one, less, active, max(own, key=self.score, default=less))

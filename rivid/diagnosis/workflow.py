@@ -40,7 +40,7 @@ from rivid.diagnosis.explanation import (
     tails_of,
     without_mirrored,
 )
-from rivid.diagnosis.fit import ENOUGH, Model, NoiseKind, residual_of
+from rivid.diagnosis.fit import ENOUGH, DayErrors, Model, NoiseKind, residual_of
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
@@ -220,6 +220,7 @@ class _Search:
         self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
         self.tried: list[tuple[Explanation, Explanation]] = []  # by :meth:`again`: parent and extension
+        self.without: dict[tuple[Explanation, Effect], DayErrors | None] = {}  # by :class:`Study`
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
@@ -801,7 +802,8 @@ class _Search:
 
     def study(self) -> Study:
         """Return the explanations found."""
-        return Study(self.record, self.dealt, tuple(self.pool), tuple(self.notes), self.start, self.extended)
+        pool, notes = tuple(self.pool), tuple(self.notes)
+        return Study(self.record, self.dealt, pool, notes, self.start, self.extended, without=self.without)
 
 
 def _with_last(one: Explanation, effect: Effect, log_prior: float) -> Explanation:
