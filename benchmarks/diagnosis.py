@@ -138,15 +138,15 @@ def diagnosed(logs: Logs) -> dict[str, Any]:
     """Diagnose logs, and return the time and the number of simulations."""
     watch = Watch()
     began, used = time.perf_counter(), time.process_time()
-    said = answer(logs)
+    answered = answer(logs)
     watch.turn()
     seconds, cpu = time.perf_counter() - began, time.process_time() - used
-    if "error" in said:
-        raise SystemExit(said["error"])
+    if "error" in answered:
+        raise SystemExit(answered["error"])
     busy = {part: watch.seconds[part] for part in SHOWN}
     shares = {part: one / sum(busy.values()) for part, one in busy.items()}
     seasons = sum(watch.runs) / len(logs.dates)
-    names = ", ".join(effect["name"] for effect in said["effects"]) or said["verdict"]
+    names = ", ".join(effect["name"] for effect in answered["effects"]) or answered["verdict"]
     return {
         "seconds": seconds, "cpu": cpu, "simulations": len(watch.runs), "seasons": seasons,
         "shares": shares, "names": names,

@@ -96,10 +96,10 @@ def draw(times: TravelTimes, path: Path) -> None:
 def travel_times() -> TravelTimes:
     """Compute bounds, characteristic and simulated arrival for a range of discharges."""
     scenario = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml")
-    said, reach, aim = scenario.channel, scenario.reach, scenario.level
-    assert said is not None
+    shape, reach, aim = scenario.channel, scenario.reach, scenario.level
+    assert shape is not None
     channel = Channel.smooth(
-        reach.length, reach.width, said.slope, said.manning, FINE, end_bed=said.bed_level
+        reach.length, reach.width, shape.slope, shape.manning, FINE, end_bed=shape.bed_level
     )
     flow = np.arange(100.0, 801.0, 50.0)
     level = aim.set_point - aim.drawdown / 100.0 * np.maximum(flow - aim.drawdown_from, 0.0)

@@ -32,8 +32,8 @@ import ctypes, json, os, resource, subprocess, sys, tempfile, time
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(36, 1)  # processes left behind become children of this one, and are counted
 began = time.perf_counter()
-said = tempfile.TemporaryFile()
-child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=said)
+messages = tempfile.TemporaryFile()
+child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=messages)
 _, status, own = os.wait4(child.pid, 0)
 seconds = time.perf_counter() - began
 while True:
@@ -43,9 +43,9 @@ while True:
         break
 usage = resource.getrusage(resource.RUSAGE_CHILDREN)
 cpu = usage.ru_utime + usage.ru_stime
-said.seek(0)
-said = said.read().decode()
-print(json.dumps([os.waitstatus_to_exitcode(status), seconds, cpu, usage.ru_maxrss, own.ru_maxrss, said]))
+messages.seek(0)
+messages = messages.read().decode()
+print(json.dumps([os.waitstatus_to_exitcode(status), seconds, cpu, usage.ru_maxrss, own.ru_maxrss, messages]))
 """
 """Intermediate process. The system reports the peak memory of a child as at least that of the process that
 started it, so the launcher must be small."""
@@ -56,9 +56,9 @@ def process(command: Sequence[str]) -> Usage:
     surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     words = [PYTHON, "-I", "-S", "-c", LAUNCHER, *command]
     answer = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=True).stdout
-    code, seconds, cpu, peak_kb, own_kb, said = json.loads(answer)
+    code, seconds, cpu, peak_kb, own_kb, messages = json.loads(answer)
     if code != 0:
-        raise SystemExit(f"{' '.join(command)} failed:\n{said}")
+        raise SystemExit(f"{' '.join(command)} failed:\n{messages}")
     return Usage(seconds, cpu, peak_kb / 1024, own_kb / 1024)
 
 

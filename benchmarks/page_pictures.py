@@ -146,10 +146,10 @@ def cut(pdf: bytes, figures: int) -> list[str]:
         named = re.findall(rb"/X\d+ (\d+) 0 R", listed[1]) if listed else []
         sheets.update(number for text in named if (number := int(text)) in images)
     twice = sum(1 for times in sheets.values() if times > 1)
-    said = [f"printed: {twice} figures are cut in two"] if twice else []
+    faults = [f"printed: {twice} figures are cut in two"] if twice else []
     if len(sheets) != figures:
-        said.append(f"printed: {len(sheets)} of {figures} figures are there")
-    return said
+        faults.append(f"printed: {len(sheets)} of {figures} figures are there")
+    return faults
 
 
 def keep(tab: Tab, page: Path, path: Path) -> int:

@@ -205,14 +205,14 @@ def closed_loop() -> str:
     rows = []
     for cells, days in ((32, 60), (32, 332), (32, 664), (24, 332), (64, 332), (96, 332)):
         assert plain.channel is not None
-        said = plain.model_copy(
+        other = plain.model_copy(
             update={
                 "days": days,
                 "missing_days": 0,
                 "channel": plain.channel.model_copy(update={"cells": cells}),
             }
         )
-        took = median(functions_in_turn({"season": lambda s=said: closed(s)}, 3)["season"])
+        took = median(functions_in_turn({"season": lambda s=other: closed(s)}, 3)["season"])
         rows.append([str(cells), str(days), f"{took:.2f} s", f"{days / took:,.0f}"])
     return table(["cells", "days", "season in closed loop", "simulated days a second"], rows)
 

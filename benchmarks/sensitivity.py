@@ -93,13 +93,13 @@ def worlds(study: Study, value: Any, seeds: range) -> list[World]:
 
 def settings(study: Study, value: Any, line: str) -> JmapSettings:
     """Return the settings of an estimator with a value."""
-    said: dict[str, Any] = dict(LINES[line])
+    chosen: dict[str, Any] = dict(LINES[line])
     room, key = study.where.split(".")
-    if room == "settings" and not (key == "alpha" and "alpha" not in said):
-        said[key] = value
+    if room == "settings" and not (key == "alpha" and "alpha" not in chosen):
+        chosen[key] = value
     if key == "d_max":
-        said["order"] = max(2 * value, value + 3)
-    return JmapSettings(**said)
+        chosen["order"] = max(2 * value, value + 3)
+    return JmapSettings(**chosen)
 
 
 def run(study: Study, seeds: range, base: list[World]) -> dict[str, Floats]:

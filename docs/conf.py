@@ -47,7 +47,7 @@ nb_merge_streams = True
 nb_ipywidgets_js = {}
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # numpydoc says them, with shapes and units
+autodoc_typehints = "none"  # numpydoc gives them, with shapes and units
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True

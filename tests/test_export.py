@@ -270,25 +270,25 @@ def test_delays_of_pypsa_are_counted_in_snapshots_and_a_remark_gives_those_of_no
         (900, ["8", "4"], ""),
         (10_000, ["1", "0"], "delay = 0 in 1 of 2 links: 58.3 min round to 0 snapshots of 10000 s"),
     ):
-        code, said = command(*words, snapshot)
+        code, output = command(*words, snapshot)
         rows = csv.DictReader((joined / "to" / "links.csv").read_text().splitlines())
         assert code == 0 and [r["delay"] for r in rows] == delays
-        assert (remark in said) if remark else said == ""
+        assert (remark in output) if remark else output == ""
     assert command(*words, 0)[0] == 2
 
 
 def test_the_command_and_its_errors(tmp_path):
     reach, record = pool()
     path = written(reach, record, tmp_path)
-    code, said = command("export", path, "--to", "rtc-tools", "--out", tmp_path / "to")
-    assert code == 0 and "parameters.csv" in said
+    code, output = command("export", path, "--to", "rtc-tools", "--out", tmp_path / "to")
+    assert code == 0 and "parameters.csv" in output
     assert command("export", path, "--to", "state-space", "-q")[1] == ""
     assert (tmp_path / "export" / "state_space.mat").exists()
-    code, said = command("export", tmp_path, "--to", "csv")
-    assert code == 10 and "rivid season" in said
+    code, output = command("export", tmp_path, "--to", "csv")
+    assert code == 10 and "rivid season" in output
     assert tuple(FORMATS) == OFFERED  # the command does not import the writers for its help
-    code, said = command("export", path, "--to", "csv")  # a file, not a run
-    assert code == 10 and "rivid season" in said
+    code, output = command("export", path, "--to", "csv")  # a file, not a run
+    assert code == 10 and "rivid season" in output
 
 
 def test_from_python(tmp_path):

@@ -209,8 +209,8 @@ def place(known, tmp_path):
 
 def test_the_command_writes_tables_page_and_json(place, known):
     words = ["forecast", place / "logs", "-c", place / "c.toml", "--model", place]
-    code, said = command(*words, "--out", place / "out", "--hours", 12)
-    assert code == 0 and "the discharge is" in " ".join(said.split()) and "forecast.html" in said
+    code, output = command(*words, "--out", place / "out", "--hours", 12)
+    assert code == 0 and "the discharge is" in " ".join(output.split()) and "forecast.html" in output
     table = pq.read_table(place / "out/forecast.parquet").to_pydict()
     assert len(table["time"]) == 48 and sum(table["announced"]) == 16 and table["reach"][0] == "gorge"
     assert table["time"][0] == known[1].moment(known[1].now + 1).astimezone(dt.UTC)
@@ -221,8 +221,8 @@ def test_the_command_writes_tables_page_and_json(place, known):
     for text in ("the flows are not announced: the table has each", "the inflow of the day before (dotted)",
                  "dotted the inflow of the day before"):  # fmt: skip
         assert text in page
-    code, said = command(*words, "--out", place / "o", "--hours", 6, "--no-figures", "--json")
-    found = [json.loads(line) for line in said.splitlines()]
+    code, output = command(*words, "--out", place / "o", "--hours", 6, "--no-figures", "--json")
+    found = [json.loads(line) for line in output.splitlines()]
     assert len(found) == 24 and found[0]["low_90"] < found[0]["median"] < found[0]["high_90"]
     assert not (place / "o/forecast.html").exists()
 
@@ -259,8 +259,8 @@ def test_logs_finer_than_the_model_give_means_of_their_flows(place):
 
 def test_what_does_not_fit_is_refused(place):
     words = ["forecast", place / "logs", "--model", place, "--out", place / "out"]
-    code, said = command(*words)
-    assert code == 2 and "the model is of a river at 900 s" in said
+    code, output = command(*words)
+    assert code == 2 and "the model is of a river at 900 s" in output
     (place / "c.toml").write_text(CONFIG.replace("900", "600"))
     assert command(*words, "-c", place / "c.toml")[0] == 2
     with pytest.raises(ConfigError, match="calibration"):

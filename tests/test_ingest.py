@@ -311,8 +311,8 @@ class TestTimes:
         assert "[input] ambiguous" in outcome.days[1].reason
         assert value(outcome)["dropped"] == {"ambiguous or impossible time": 8, "refused day": 92}
         (tmp_path / "b").mkdir()
-        told = go(tmp_path / "b", rows, time_zone=paris, ambiguous="order")
-        assert statuses(told) == ["written", "written"] and value(told)["used"] == 196
+        result = go(tmp_path / "b", rows, time_zone=paris, ambiguous="order")
+        assert statuses(result) == ["written", "written"] and value(result)["used"] == 196
         assert (tmp_path / "b" / "logs" / "2008-10-26.csv").read_text().count("\n") == 101
         (tmp_path / "c").mkdir()
         reason = go(tmp_path / "c", rows, time_zone="Etc/GMT-1").days[1].reason
@@ -410,9 +410,9 @@ class TestByException:
 
     def test_run_itself_refuses_such_a_configuration(self, tmp_path):
         write(tmp_path / f"{DAY}.csv", wide())
-        for said in ({"hold": {"u_Qi": 60}}, {"layout": "long"}):
+        for table in ({"hold": {"u_Qi": 60}}, {"layout": "long"}):
             with pytest.raises(ConfigError, match="rivid ingest"):
-                find_days(tmp_path, parse({"reach": REACH, "input": said}, Config))
+                find_days(tmp_path, parse({"reach": REACH, "input": table}, Config))
 
 
 class TestFlags:
@@ -522,10 +522,10 @@ class TestCommand:
         assert result.return_value == 3
         assert "2008-03-11  refused" in result.output and "refused day" in result.output
         assert "2 days: 1 written, 1 refused" in result.output
-        told = json.loads(self.invoke(tmp_path, "--json").output)
-        assert told["counts"] == {"identical": 1, "refused": 1}
-        assert told["values"]["sources"]["h_L"]["dropped"] == {"refused day": 54}
-        assert told["values"]["files"][0]["rows"] == 150
+        result = json.loads(self.invoke(tmp_path, "--json").output)
+        assert result["counts"] == {"identical": 1, "refused": 1}
+        assert result["values"]["sources"]["h_L"]["dropped"] == {"refused day": 54}
+        assert result["values"]["files"][0]["rows"] == 150
         assert self.invoke(tmp_path, "--to", "2008-03-10").return_value == 0
         assert self.invoke(tmp_path, "--from", "2009-01-01").return_value == 10
 

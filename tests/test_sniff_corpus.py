@@ -144,7 +144,7 @@ def test_choices_in_comments_are_valid_toml_in_eighty_columns():
 
 
 @pytest.mark.parametrize(
-    ("said", "near"),
+    ("given", "near"),
     [
         ("PST", "near: America/Los_Angeles;"),
         ("Pacific Standard Time", "near: America/Los_Angeles;"),
@@ -155,9 +155,9 @@ def test_choices_in_comments_are_valid_toml_in_eighty_columns():
         ("xyzzy", "America/Los_Angeles or UTC; Etc/GMT"),
     ],
 )
-def test_a_zone_that_is_none_is_refused_with_those_near_and_the_sign_of_etc(said, near):
+def test_a_zone_that_is_none_is_refused_with_those_near_and_the_sign_of_etc(given, near):
     (path,) = files_of("american")
-    result = CliRunner().invoke(cli, ["sniff", str(path), "--time-zone", said], standalone_mode=False)
+    result = CliRunner().invoke(cli, ["sniff", str(path), "--time-zone", given], standalone_mode=False)
     assert isinstance(result.exception, RividError) and near in str(result.exception)
     assert "Etc/GMT+8 is 8 h behind UTC" in str(result.exception) and "\n" not in str(result.exception)
 

@@ -117,15 +117,15 @@ def main(words: Sequence[str] | None = None) -> int:
         return (drawn if given[0] == "draw" else sizes)(given[1:])
     if given == ["quick"]:
         return quick()
-    said = options(given)
-    if not said.page_only and outstanding(said.seeds, said.shard, said.kept):
+    asked = options(given)
+    if not asked.page_only and outstanding(asked.seeds, asked.shard, asked.kept):
         run(
-            said.seeds, shard=said.shard, processes=said.processes, hours=said.hours, kept=said.kept,
+            asked.seeds, shard=asked.shard, processes=asked.processes, hours=asked.hours, kept=asked.kept,
             report=lambda text: print(text, flush=True),
         )  # fmt: skip
-    wanted = set(said.seeds)
-    said.page.write_text(page([r for r in results_of(said.kept) if r["seed"] in wanted]), encoding="utf-8")
-    print(f"written: {said.page}")
+    wanted = set(asked.seeds)
+    asked.page.write_text(page([r for r in results_of(asked.kept) if r["seed"] in wanted]), encoding="utf-8")
+    print(f"written: {asked.page}")
     return 0
 
 

@@ -58,7 +58,7 @@ def record_of(logs: Logs) -> Record:
     )  # fmt: skip
 
 
-def _diagnosed(logs: Logs, most: int | None = None, told: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+def _diagnosed(logs: Logs, most: int | None = None, known: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     from rivid.diagnosis import workflow
     from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
 
@@ -67,7 +67,7 @@ def _diagnosed(logs: Logs, most: int | None = None, told: Sequence[dict[str, Any
     found, _ = workflow.diagnose(
         record, responses_of(settings, record), library_of(settings),
         most=settings.diagnose.most_effects if most is None else most,
-        gauge_floor=gauge_floor_of(settings, record), start=tuple(build(table, classes) for table in told),
+        gauge_floor=gauge_floor_of(settings, record), start=tuple(build(table, classes) for table in known),
     )  # fmt: skip
     document: dict[str, Any] = json.loads(found.to_json())
     return document
@@ -83,20 +83,20 @@ def answer(logs: Logs) -> dict[str, Any]:
     """
     began = time.perf_counter()
     try:
-        said = _diagnosed(logs)
+        found = _diagnosed(logs)
     except Exception as error:  # a failed diagnosis is a wrong answer
-        said = {"error": f"{type(error).__name__}: {error}"[:300]}
-    said["seconds"] = round(time.perf_counter() - began, 1)
-    return said
+        found = {"error": f"{type(error).__name__}: {error}"[:300]}
+    found["seconds"] = round(time.perf_counter() - began, 1)
+    return found
 
 
-def floor(logs: Logs, told: Sequence[dict[str, Any]]) -> list[float] | None:
+def floor(logs: Logs, known: Sequence[dict[str, Any]]) -> list[float] | None:
     """Return the errors on the held-out days, by horizon, of a model that starts with the hidden effects.
 
     Parameters
     ----------
     logs : Logs
-    told : sequence of dict
+    known : sequence of dict
         The effects as tables, with their drawn events.
 
     Returns
@@ -105,7 +105,7 @@ def floor(logs: Logs, told: Sequence[dict[str, Any]]) -> list[float] | None:
         None if the model cannot be calibrated.
     """
     try:
-        gap = _diagnosed(logs, 0, told).get("gap")
+        gap = _diagnosed(logs, 0, known).get("gap")
     except RividError:
         return None
     return None if gap is None else list(gap["rmse_baseline"])

@@ -85,7 +85,7 @@ class Planted:
     season: Season
 
     @property
-    def told(self) -> list[Table] | None:
+    def known(self) -> list[Table] | None:
         """Hidden effects with their drawn events; None if there are none, or if a model cannot have them."""
         hidden = self.season.effects
         if any(e.name not in CATALOGUE or e.found_as == "swing" for e in hidden) or not hidden:
@@ -190,11 +190,11 @@ def _planted(world: World, attempt: int) -> Planted:
 def sealed(seed: int, longest: int = 1000) -> tuple[Logs, Table]:
     """Return the logs and the truth of a seed, in a form that can be sent between processes.
 
-    The truth has one more key, `told`: the hidden effects as given to the model that knows the truth, or None
+    The truth has one more key, `known`: the hidden effects as given to the model that knows the truth, or None
     if no model can be given them.
     """
     planted = plant(seed, longest)
-    return planted.logs, planted.truth | {"told": planted.told}
+    return planted.logs, planted.truth | {"known": planted.known}
 
 
 def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
@@ -519,13 +519,13 @@ def silting(table: Table, season: Season) -> Floats:
 
 def two_crews(logs: Logs, world: World, rng: np.random.Generator) -> Logs:
     """Return logs with other operators in the second half, after a day without logs."""
-    said = world.scenario.operators
+    usual = world.scenario.operators
     trust, slow = float(rng.uniform(0.7, 0.95)), float(rng.uniform(1.2, 2.5))
-    other = said.model_copy(
+    other = usual.model_copy(
         update={
-            "feedforward": trust, "dead_band": said.dead_band + float(rng.uniform(0.01, 0.06)),
-            "look": (said.look[0] * slow, said.look[1] * slow), "level_gain": said.level_gain / slow,
-            "trim_time": said.trim_time * float(rng.uniform(0.7, 2.0)),
+            "feedforward": trust, "dead_band": usual.dead_band + float(rng.uniform(0.01, 0.06)),
+            "look": (usual.look[0] * slow, usual.look[1] * slow), "level_gain": usual.level_gain / slow,
+            "trim_time": usual.trim_time * float(rng.uniform(0.7, 2.0)),
         }
     )  # fmt: skip
     late = World(

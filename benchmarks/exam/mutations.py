@@ -124,7 +124,7 @@ def no_floor(*_: Any) -> None:
     """Skip the model that knows the truth: the closed gap is not evaluated."""
 
 
-def told(found: dict[str, list[str]]) -> str:
+def table_of(found: dict[str, list[str]]) -> str:
     """Return the table of mutations with the refused shares."""
     lines = []
     for mutation, failed in found.items():
@@ -152,10 +152,10 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exam.mutations", description=__doc__)
     parser.add_argument("--only", nargs="*", default=[], help="mutations with this in their name")
     parser.add_argument("--seeds", type=seeds_of, help="A:B; default: the seeds of `quick`")
-    said = parser.parse_args(words)
-    chosen = [m for m in MUTATIONS if not said.only or any(part in m for part in said.only)]
-    found = {mutation: failing(mutation, said.seeds or quick_seeds()) for mutation in chosen}
-    print(told(found))
+    given = parser.parse_args(words)
+    chosen = [m for m in MUTATIONS if not given.only or any(part in m for part in given.only)]
+    found = {mutation: failing(mutation, given.seeds or quick_seeds()) for mutation in chosen}
+    print(table_of(found))
     if not noticed(found):
         raise SystemExit(1)
 

@@ -115,10 +115,10 @@ def reliability(judged: Sequence[Judged]) -> str:
         if n == 0:
             lines.append([f"{k / 10:.1f} to {(k + 1) / 10:.1f}", "0", "-", "-", "", "-"])
             continue
-        said, low_high = float(p[here].mean()), wilson(hits, n)
-        near = low_high[0] - RELIABLE <= said <= low_high[1] + RELIABLE
+        mean, low_high = float(p[here].mean()), wilson(hits, n)
+        near = low_high[0] - RELIABLE <= mean <= low_high[1] + RELIABLE
         lines.append([
-            f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{said:.2f}", written(hits, n),
+            f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{mean:.2f}", written(hits, n),
             "#" * round(20 * hits / n), "yes" if near else "no",
         ])  # fmt: skip
     wider = f"interval, {RELIABLE:g} wider, holds the mean"
@@ -272,9 +272,9 @@ def mistakes(marks: Sequence[Marked]) -> str:
                 f"{e['name']} ({t:.1f}x)"
                 for e, t in zip(r["truth"]["effects"], r["truth"]["times"], strict=True)
             )
-            said = r["answer"].get("error") or ", ".join(j.names)
+            result = r["answer"].get("error") or ", ".join(j.names)
             lines.append(
-                [str(r["seed"]), j.kind, r["truth"]["world"]["water"], hidden or "-", j.verdict, str(said)]
+                [str(r["seed"]), j.kind, r["truth"]["world"]["water"], hidden or "-", j.verdict, str(result)]
             )
     heads = ["seed", "hidden", "water", "effects", "verdict", "named"]
     return table(heads, lines) if lines else "None.\n"

@@ -35,8 +35,8 @@ class Asked:
 
     def counted(self, judged: Sequence[Judged]) -> tuple[int, int]:
         """Return the number of hits, and the number of answers that count."""
-        said = [hit for j in judged if (hit := self.test(j)) is not None]
-        return sum(said), len(said)
+        hits = [hit for j in judged if (hit := self.test(j)) is not None]
+        return sum(hits), len(hits)
 
     def refused(self, judged: Sequence[Judged]) -> bool:
         """Return whether a share as bad as this is almost impossible if the target is just reached."""

@@ -119,16 +119,16 @@ def run(
             except RividError as error:
                 report(f"{seed} cannot be simulated: {error}"[:200])
                 return
-            told = truth.pop("told")
-            said = candidates.submit(desks.answer, logs).result()
+            known = truth.pop("known")
+            answer = candidates.submit(desks.answer, logs).result()
             floor = None
-            if told and said.get("effects"):  # otherwise there is no closed gap to evaluate
-                floor = candidates.submit(desks.floor, logs, told).result()
-            result = {"seed": seed, "revision": revision, "truth": truth, "answer": said, "floor": floor}
+            if known and answer.get("effects"):  # otherwise there is no closed gap to evaluate
+                floor = candidates.submit(desks.floor, logs, known).result()
+            result = {"seed": seed, "revision": revision, "truth": truth, "answer": answer, "floor": floor}
             with lock:
                 append(result, place)
                 done[0] += 1
-                report(f"{done[0]}/{len(todo)} seed {seed}, {truth['kind']}: {said_of(said)}")
+                report(f"{done[0]}/{len(todo)} seed {seed}, {truth['kind']}: {summary_of(answer)}")
 
         waiting: list[Future[None]] = [turns.submit(ask, seed) for seed in todo]
         for one in waiting:
@@ -147,7 +147,7 @@ def append(result: dict[str, Any], place: Path) -> None:
         out.write(line.encode())
 
 
-def said_of(answer: dict[str, Any]) -> str:
+def summary_of(answer: dict[str, Any]) -> str:
     """Format an answer as one line."""
     if "error" in answer:
         return str(answer["error"])[:200]
@@ -161,10 +161,10 @@ def said_of(answer: dict[str, Any]) -> str:
 def revision_of() -> str:
     """Return the commit of the working tree, marked if files differ from it; empty without a repository."""
     try:
-        told = subprocess.run(
+        ran = subprocess.run(
             ["git", "describe", "--always", "--dirty", "--abbrev=8"], cwd=ROOT, capture_output=True,
             text=True, check=True,
         )  # fmt: skip
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return told.stdout.strip()
+    return ran.stdout.strip()

@@ -303,16 +303,16 @@ def logs_of(world: World, season: Season, late: Floats | None = None, without: t
     if late is not None:
         level = np.round(level + np.round(late / quantum) * quantum, 9)
     reach = world.scenario.reach
-    told = {
+    nominal = {
         name: float(f"{value * (1.0 + world.off[name]):.3g}")
         for name, value in (
             ("length", reach.length), ("width", reach.surface_area / reach.length), ("depth", reach.depth),
         )
     }  # fmt: skip
     pool = world.kind != "river"
-    kind = {"surface_area": told["length"] * told["width"]} if pool else {"kind": "river"}
+    kind = {"surface_area": nominal["length"] * nominal["width"]} if pool else {"kind": "river"}
     settings = {
-        "reach": told
+        "reach": nominal
         | kind
         | {
             "name": "reach", "sample_time": reach.sample_time,

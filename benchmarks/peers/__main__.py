@@ -27,7 +27,7 @@ def share(hits: np.ndarray) -> str:
     return f"{k / max(n, 1):.3f} ({low:.3f}-{high:.3f})"
 
 
-def page(found: Run, easy: dict[str, float], words: str, said: str) -> str:
+def page(found: Run, easy: dict[str, float], words: str, limits: str) -> str:
     """Return the page in Markdown."""
     parts = [HEAD.read_text(encoding="utf-8").format(words=words, d_max=CANDIDATES[-1])]
     for linear, title in ((True, "Linear worlds"), (False, "Hydraulic worlds")):
@@ -59,7 +59,7 @@ def page(found: Run, easy: dict[str, float], words: str, said: str) -> str:
         "## Easy days\n\nShare of exact delays in open loop, where any method should be right.\n\n"
         + table(["method", "exact"], rows)
     )
-    parts.append(SEASONS.read_text(encoding="utf-8") + "\n" + said)
+    parts.append(SEASONS.read_text(encoding="utf-8") + "\n" + limits)
     return "\n".join(parts)
 
 

@@ -138,9 +138,9 @@ def ways(days: Days, found: PosteriorResult, settings: SeasonSettings) -> dict[s
     D = found.probability.shape[1]
     alone = np.where(np.isfinite(found.probability), found.probability, 1.0 / D)
     joined = {"alone": alone}
-    for discharge, said in ((None, ""), (days.discharge, ", discharge")):
+    for discharge, variant in ((None, ""), (days.discharge, ", discharge")):
         for both in (False, True):
-            words = ("both ways" if both else "forward") + said
+            words = ("both ways" if both else "forward") + variant
             joined[words] = season(
                 found.probability, found.link, discharge, d_min=int(found.candidates[0]), both_ways=both,
                 settings=settings,
@@ -183,9 +183,9 @@ def section(kind: str, seeds: range, days: int, settings: SeasonSettings | None 
     s = settings or SeasonSettings()
     seasons = [part for seed in seeds for part in alone(kind, seed, days)]
     parts = []
-    for blind, said in ((False, "with the outflow"), (True, "without the outflow")):
+    for blind, variant in ((False, "with the outflow"), (True, "without the outflow")):
         parts.append(
-            f"### {kind.capitalize()} worlds, {said}\n\n" + table(HEAD, rows(gains(seasons, blind, s)))
+            f"### {kind.capitalize()} worlds, {variant}\n\n" + table(HEAD, rows(gains(seasons, blind, s)))
         )
     return "\n".join(parts)
 

@@ -25,20 +25,20 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--days", type=int, default=240)
-    said = parser.parse_args()
-    seeds = range(FIRST_SEED, FIRST_SEED + said.seeds)
-    found = measure("development", seeds, said.days) + measure("proof", seeds, said.days)
-    drawn = measure("drawn proof", range(FIRST_SEED, FIRST_SEED + 1), said.days)
+    given = parser.parse_args()
+    seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
+    found = measure("development", seeds, given.days) + measure("proof", seeds, given.days)
+    drawn = measure("drawn proof", range(FIRST_SEED, FIRST_SEED + 1), given.days)
     lines = bins_of(found)
     draw(
         lines, DOCS / "pictures" / "posterior_reliability.png", "Is a delay as probable as stated?",
         "Worlds that took no part in the calibration; every candidate of every day, 95 % intervals",
     )  # fmt: skip
     head = (HERE / "head.md").read_text(encoding="utf-8")
-    head = head.replace("{days}", str(said.days)).replace("{seeds}", str(said.seeds))
+    head = head.replace("{days}", str(given.days)).replace("{seeds}", str(given.seeds))
     tail = (HERE / "tail.md").read_text(encoding="utf-8")
     exam = by_factor(PROOF_WORLDS, EXAM_DAYS), by_factor(ROUGH_WORLDS, EXAM_DAYS, rough=True)
-    text = page(found, drawn, limits(FIRST_SEED, said.days), exam, head, tail)
+    text = page(found, drawn, limits(FIRST_SEED, given.days), exam, head, tail)
     (DOCS / "accuracy_posterior.md").write_text(text, encoding="utf-8")
     print(text)
 

@@ -46,7 +46,7 @@ class Found:
 class Bin:
     """One bin of a reliability diagram: mean probability, number of true candidates, number of candidates."""
 
-    said: float
+    stated: float
     true: int
     n: int
 
@@ -70,14 +70,14 @@ def measure(kind: str, seeds: range, days: int) -> list[Found]:
     return found
 
 
-def reliability(said: Floats, is_true: Bools, edges: Floats) -> list[Bin]:
+def reliability(stated: Floats, is_true: Bools, edges: Floats) -> list[Bin]:
     """Return the probabilities in bins; empty bins are left out."""
-    which = np.clip(np.digitize(said, edges) - 1, 0, len(edges) - 2)
+    which = np.clip(np.digitize(stated, edges) - 1, 0, len(edges) - 2)
     bins = []
     for k in range(len(edges) - 1):
         here = which == k
         if here.any():
-            bins.append(Bin(float(said[here].mean()), int(is_true[here].sum()), int(here.sum())))
+            bins.append(Bin(float(stated[here].mean()), int(is_true[here].sum()), int(here.sum())))
     return bins
 
 

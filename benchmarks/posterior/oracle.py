@@ -90,15 +90,15 @@ def limits(seed: int, days: int) -> list[Limit]:
         for world in worlds(kind, seed, days):
             if not world.name.startswith("linear"):
                 continue
-            said = recipes[world.name].scenario(recipes[world.name].length[0], 1)
-            r, gauge = said.reach, said.level.noise**2 + said.level.quantum**2 / 12
+            scene = recipes[world.name].scenario(recipes[world.name].length[0], 1)
+            r, gauge = scene.reach, scene.level.noise**2 + scene.level.quantum**2 / 12
             keep = np.flatnonzero((world.delay >= DELAYS[0]) & (world.delay <= DELAYS[1]))
             speed = world.u.mean(axis=1) / (r.width * r.depth) + np.sqrt(9.81 * r.wave_depth)
             area = r.width * world.travel * world.sample_time * speed
             logs = [
-                likelihood(world, i, area[i], gauge, said.weather.inflow, said.weather.memory) for i in keep
+                likelihood(world, i, area[i], gauge, scene.weather.inflow, scene.weather.memory) for i in keep
             ]
-            told = [right_and_sure(log, world, i) for log, i in zip(logs, keep, strict=True)]
+            judged = [right_and_sure(log, world, i) for log, i in zip(logs, keep, strict=True)]
             mine = posterior(world.u[keep], world.y[keep], world.o[keep])
             best = mine.candidates[np.argmax(np.nan_to_num(mine.probability), axis=1)]
             right = (best == world.delay[keep]) | (best == world.other[keep])
@@ -106,7 +106,7 @@ def limits(seed: int, days: int) -> list[Limit]:
                 Limit(
                     kind,
                     world.name,
-                    surest(np.array([t[0] for t in told]), np.array([t[1] for t in told])),
+                    surest(np.array([t[0] for t in judged]), np.array([t[1] for t in judged])),
                     surest(right, mine.right),
                     len(keep),
                 )  # fmt: skip

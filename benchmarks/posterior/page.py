@@ -157,14 +157,14 @@ def reliability_section(found: list[Found]) -> str:
         "![probability of a delay and frequency with which it is the true one](pictures/posterior_reliability.png)\n\n"
     )
     for name, bins in bins_of(found).items():
-        rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
+        rows = [[f"{b.stated:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
         text += f"{name[0].upper() + name[1:]}, every candidate of every day:\n\n"
         text += table(["stated", "was true [%]", "n"], rows) + "\n"
     s = together([f.matched for f in found if f.kind == "proof"])
     bins = reliability(
         s.top[s.known], s.top_right[s.known], np.array([0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01])
     )
-    rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
+    rows = [[f"{b.stated:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
     text += "Probability that the best delay is right (`right`), both truths:\n\n"
     return text + table(["stated", "was right [%]", "n"], rows) + "\n"
 

@@ -17,8 +17,8 @@ def draw(lines: dict[str, list[Bin]], path: Path, title: str, note: str) -> None
             colour, aside = colours[k], 0.006 * (k - 0.5)
             for b in bins:
                 low, high = wilson(b.true, b.n)
-                ax.plot([b.said + aside] * 2, [low, high], color=colour, linewidth=1.0, alpha=0.6)
-                ax.plot(b.said + aside, b.true / b.n, "o", color=colour, markersize=4.5)
+                ax.plot([b.stated + aside] * 2, [low, high], color=colour, linewidth=1.0, alpha=0.6)
+                ax.plot(b.stated + aside, b.true / b.n, "o", color=colour, markersize=4.5)
             entry(ax, name, marker="o", color=colour)
         ax.set_xlim(-0.02, 1.02)
         ax.set_ylim(-0.02, 1.02)

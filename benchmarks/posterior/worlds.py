@@ -90,15 +90,15 @@ class Recipe:
 
     def scenario(self, length: float, days: int) -> Scenario:
         """Return the scenario of one length."""
-        said = load_scenario(SCENARIOS / f"{self.base}.toml").model_dump(exclude_unset=True)
+        tables = load_scenario(SCENARIOS / f"{self.base}.toml").model_dump(exclude_unset=True)
         for table, values in self.changes.items():
-            said[table] = said.get(table, {}) | values
-        reach = said["reach"]
+            tables[table] = tables.get(table, {}) | values
+        reach = tables["reach"]
         along = (length - self.length[0]) / (self.length[1] - self.length[0])
         gain = self.gain[0] + along * (self.gain[1] - self.gain[0])
-        said["operators"] = said["operators"] | {"level_gain": gain}
-        said["reach"] = reach | {"length": length, "surface_area": length * reach["width"]}
-        return Scenario.model_validate(said | {"days": days, "missing_days": 0})
+        tables["operators"] = tables["operators"] | {"level_gain": gain}
+        tables["reach"] = reach | {"length": length, "surface_area": length * reach["width"]}
+        return Scenario.model_validate(tables | {"days": days, "missing_days": 0})
 
 
 QUIET = {"noise": 0.001, "quantum": 0.001}

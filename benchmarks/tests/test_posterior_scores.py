@@ -44,8 +44,8 @@ def test_the_interval_of_a_share_holds_it_in_95_percent_of_draws():
 
 
 def test_bins_of_a_reliability_diagram_count_every_probability_once():
-    said = np.array([0.0, 0.05, 0.1, 0.55, 1.0])
-    bins = reliability(said, np.array([False, True, False, True, True]), np.array([0.0, 0.1, 0.5, 1.01]))
+    stated = np.array([0.0, 0.05, 0.1, 0.55, 1.0])
+    bins = reliability(stated, np.array([False, True, False, True, True]), np.array([0.0, 0.1, 0.5, 1.01]))
     assert [(b.n, b.true) for b in bins] == [(2, 1), (1, 0), (2, 2)]
 
 

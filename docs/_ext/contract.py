@@ -76,13 +76,13 @@ def results(names: tuple[str, ...] = ()) -> str:
 
 def exits() -> str:
     """What the command line returns."""
-    rows = ([code(str(number)), *said] for number, said in EXIT_CODES.items())
+    rows = ([code(str(number)), *meaning] for number, meaning in EXIT_CODES.items())
     return table(["code", "meaning", "what to do"], rows)
 
 
 def verdicts() -> str:
     """What a diagnosis may answer."""
-    return table(["verdict", "in words"], ([code(name), said] for name, said in VERDICTS.items()))
+    return table(["verdict", "in words"], ([code(name), meaning] for name, meaning in VERDICTS.items()))
 
 
 def effects() -> str:
@@ -98,12 +98,12 @@ def effect(one: type[Effect]) -> str:
     """One effect: what it is, its equation, its parameters, what it looks like, a table for a scenario."""
     usual = one.defaults()
     rows = []
-    for key, said in one.parameters().items():
+    for key, spec in one.parameters().items():
         value = usual[key]
         shown = code(str(list(value)) if isinstance(value, tuple) else f"{value:g}")
-        many = "; or a list" if said.many and value != () else ""
-        unit = "" if said.unit == "-" else said.unit
-        rows.append([code(key), unit, shown, f"{said.low:g} to {said.high:g}", said.meaning + many])
+        many = "; or a list" if spec.many and value != () else ""
+        unit = "" if spec.unit == "-" else spec.unit
+        rows.append([code(key), unit, shown, f"{spec.low:g} to {spec.high:g}", spec.meaning + many])
     when = "May be limited to dates and hours." if one.windowed else "Always there: takes no dates and hours."
     heads = ["parameter", "unit", "usual", "limits", "meaning"]
     return "\n".join(
@@ -113,7 +113,7 @@ def effect(one: type[Effect]) -> str:
 
 
 def _paragraphs(one: type[Effect]) -> list[str]:
-    said = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0]
-    if said.startswith(f"{one.__name__}("):  # by dataclass, for want of any
+    doc = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0]
+    if doc.startswith(f"{one.__name__}("):  # by dataclass, for want of any
         return []
-    return [text.replace("``", "`") for text in said.split("\n\n") if text]
+    return [text.replace("``", "`") for text in doc.split("\n\n") if text]

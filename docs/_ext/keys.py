@@ -49,9 +49,9 @@ def markdown(model: type[BaseModel]) -> str:
     parts = []
     for name, section, keys in sections(model):
         first = (section.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ")
-        said = re.sub(r"^`\[\w+\]`: ", "", first)
+        meaning = re.sub(r"^`\[\w+\]`: ", "", first)
         rows = [[code(k.name), k.type, k.unit, k.default, k.meaning] for k in keys]
-        heading = f"## `[{name}]`\n\n{_sentence(said)}\n" if name else "## Above all tables\n"
+        heading = f"## `[{name}]`\n\n{_sentence(meaning)}\n" if name else "## Above all tables\n"
         parts.append(f"{heading}\n{table(['key', 'type', 'unit', 'default', 'meaning'], rows)}")
     return "\n".join(parts)
 
@@ -76,15 +76,15 @@ def _key(table_name: str, name: str, field: FieldInfo, model: type[BaseModel]) -
 
 
 def _means(name: str, field: FieldInfo, model: type[BaseModel]) -> tuple[str, str]:
-    """What the key itself says, or what the docstring of the settings says that the model stands for."""
+    """Return the description of the key, or that in the docstring of the settings it belongs to."""
     for part in field.metadata:
         if isinstance(part, Means):
             return part.unit, part.meaning
     for path in CLASS.findall(model.__doc__ or ""):
         module, cls = path.rsplit(".", 1)
-        said = parameters(getattr(importlib.import_module(module), cls))
-        if name in said:
-            return said[name]
+        described = parameters(getattr(importlib.import_module(module), cls))
+        if name in described:
+            return described[name]
     return "-", ""
 
 
@@ -147,7 +147,7 @@ def _limits(metadata: Any) -> str:
             case Le(le=value):
                 high = f" to {_number(value)}"
             case Len() | MinLen() | MaxLen():
-                pass  # of texts and lists: the error says it
+                pass  # of texts and lists: the error names the limit
     both = low.startswith(" from") or not high
     return f"{low}{high}" if both else f"{low}, at most {high.split()[-1]}" if low else f" up to{high[3:]}"
 

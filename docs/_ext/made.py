@@ -37,7 +37,7 @@ def outside(text: str, folder: Path) -> str:
     def turned(found: re.Match[str]) -> str:
         words, target = found[1], (folder / found[2]).resolve()
         if target.is_relative_to(DOCS) or not target.exists():
-            return found[0]  # a page, or a fault that Sphinx tells
+            return found[0]  # a page, or an error that Sphinx reports
         return words if target.is_dir() else f"{{download}}`{words} <{found[2]}>`"
 
     return LINK.sub(turned, text)

@@ -14,7 +14,7 @@ def inline(writer: Any, node: nodes.math) -> None:
 
 
 def block(writer: Any, node: nodes.math_block) -> None:
-    """A formula by itself; its number is told beside it where it has one."""
+    """A formula by itself; its number stands beside it where it has one."""
     number = f'<span class="eqno">({node["number"]})</span>' if node.get("number") else ""
     anchor = f' id="{node["ids"][0]}"' if node.get("ids") else ""
     writer.body.append(

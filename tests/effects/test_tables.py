@@ -99,7 +99,7 @@ def test_values_up_to_the_limits_are_allowed_and_others_are_refused(effect):
 
 
 @pytest.mark.parametrize(
-    "key,bad,said",
+    "key,bad,expected",
     [
         ("dates", ["2008-03-29"], "expected [first, last]"),
         ("dates", ["2008-03-29", "soon"], "expected [first, last]"),
@@ -112,11 +112,11 @@ def test_values_up_to_the_limits_are_allowed_and_others_are_refused(effect):
         ("hours", "3-6", "expected [from, to]"),
     ],
 )
-def test_impossible_windows_are_refused(key, bad, said):
+def test_impossible_windows_are_refused(key, bad, expected):
     for name in WINDOWED:
         with pytest.raises(ConfigError) as caught:
             build({"name": name, key: bad}, CATALOGUE)
-        assert str(caught.value).startswith(f"{name}: {key}") and said in str(caught.value)
+        assert str(caught.value).startswith(f"{name}: {key}") and expected in str(caught.value)
 
 
 @pytest.mark.parametrize("rows", [False, True])

@@ -125,8 +125,8 @@ def test_the_command_prints_one_line_and_writes_nothing(data, tmp_path, tried):
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1, done.stderr[-500:]
         assert len(done.stderr) < 2000
     for place in ("/dev/zero", "/dev/null/c.toml", "/", "/dev/full"):
-        code, said = rivid("run", data, "--config", place, "--out", tmp_path / "out")
-        assert code in (2, 10) and len(said.splitlines()) == 1, said
+        code, output = rivid("run", data, "--config", place, "--out", tmp_path / "out")
+        assert code in (2, 10) and len(output.splitlines()) == 1, output
         tried(f"--config {place}")
     assert not (tmp_path / "out" / "delays.csv").exists()
     tried("rivid run with a deep table, of a reach and of a fleet", 2)

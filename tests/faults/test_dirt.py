@@ -148,8 +148,8 @@ def test_days_without_any_sound_one_still_have_figures(tmp_path, tried):
     dates = write_days(data, 4)
     for date, n in zip(dates, (0, 1, 20, 60), strict=True):
         (data / f"{date}.csv").write_text("".join(text_of(date).splitlines(True)[: n + 1]))
-    code, said = rivid("run", data, "--out", out)
-    assert code == 3 and "4" in said
+    code, output = rivid("run", data, "--out", out)
+    assert code == 3 and "4" in output
     assert load_results(out).estimators[0].status == ["failed"] * 4
     assert (out / "report.html").stat().st_size > 1000
     assert list((out / "figures").glob("*.png"))

@@ -31,8 +31,8 @@ def test_a_second_run_is_refused_and_the_lock_of_a_killed_run_does_not_block(sea
         began = time.monotonic()
         second = command("run", data, "--out", out, "--no-figures")
         assert second.returncode == 11 and time.monotonic() - began < 5
-        (said,) = second.stderr.splitlines()
-        assert "another run is writing" in said
+        (output,) = second.stderr.splitlines()
+        assert "another run is writing" in output
     assert end(first, KILL)[0] == -signal.SIGKILL
     assert (out / ".rivid" / "lock").exists(), "the file is there, the lock is gone"
     assert command("run", data, "--out", out, "--no-figures").returncode == 0

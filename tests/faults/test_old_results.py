@@ -42,8 +42,8 @@ def test_old_results_are_read_drawn_and_taken_up(data, tmp_path, tried, version)
     assert done.returncode == 0, done.stderr
     assert (out / "report.html").exists() and (out / "figures" / "tdr_jmap.png").exists()
     words = ("--estimator", "jmap", "--estimator", "posterior", "--no-figures")
-    code, said = rivid("run", data, "--out", out, *words)
-    assert code == 0 and "damaged" not in said
+    code, output = rivid("run", data, "--out", out, *words)
+    assert code == 0 and "damaged" not in output
     assert load_results(out).estimators[0].delay.tolist() == [7, 7, 7]
     rows = load_delays(out)
     middle = rows["delay_s"] + np.where(rows["estimator"] == "jmap", 66.5, 0.0)
@@ -64,8 +64,8 @@ def test_newer_results_are_refused_and_left_alone(newer, data, tried):
     commands = (["run", data, "--out", newer], ["figures", newer], ["season", newer])
     for words in commands:
         done = command(*words)
-        (said,) = done.stderr.splitlines()
-        assert done.returncode == 1 and "newer rivid" in said and "upgrade rivid" in said
+        (output,) = done.stderr.splitlines()
+        assert done.returncode == 1 and "newer rivid" in output and "upgrade rivid" in output
     for read in (load_results, load_delays):
         with pytest.raises(RividError, match="newer rivid"):
             read(newer)
@@ -104,8 +104,8 @@ def test_segments_with_other_columns_are_dropped_and_their_days_done_again(data,
     table = pq.read_table(path)
     for other in (table.drop_columns("fir_sd"), table.append_column("more", pa.nulls(len(table)))):
         pq.write_table(other, path)
-        code, said = rivid("run", data, "--out", out, "--no-figures")
-        assert code == 0 and "3 estimated now" in said
+        code, output = rivid("run", data, "--out", out, "--no-figures")
+        assert code == 0 and "3 estimated now" in output
         assert bytes_of(out) == before
         (path,) = (out / ".rivid" / "segments").glob("*.parquet")
     tried("a segment with a column less, or one more", 2)

@@ -219,7 +219,7 @@ class TestCsv:
         assert read(put(tmp_path, lines), **given).n_filled == 2
 
     @pytest.mark.parametrize(
-        ("content", "said"),
+        ("content", "expected"),
         [
             (gzip.compress(b"time,u_Qi\n", mtime=0), "is gzip, though"),
             (b"PK\x03\x04\x14\x00", "is a workbook or an archive"),
@@ -227,9 +227,9 @@ class TestCsv:
             (b"%PDF-1.7\n", "is a PDF, not text"),
         ],
     )
-    def test_what_is_called_a_csv_and_is_none(self, tmp_path, content, said):
+    def test_what_is_called_a_csv_and_is_none(self, tmp_path, content, expected):
         (tmp_path / f"{DAY}.csv").write_bytes(content)
-        assert reason(tmp_path).startswith(f"{DAY}.csv {said}")
+        assert reason(tmp_path).startswith(f"{DAY}.csv {expected}")
 
     def test_a_comment_above_the_header_is_reported(self, tmp_path):
         (tmp_path / f"{DAY}.csv").write_text("# station 7, exported by hand\n" + text_of(DAY))

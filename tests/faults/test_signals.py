@@ -76,10 +76,10 @@ def test_what_was_done_before_a_signal_is_kept(season, tmp_path, monkeypatch, tr
     done = 3
     estimate, left = running.run_batches, done
 
-    def interrupted(batches, segments, engine, said):
+    def interrupted(batches, segments, engine, progress):
         def count(n):
             nonlocal left
-            said(n)
+            progress(n)
             left -= 1
             if left == 0:
                 signal.raise_signal(signal.SIGINT)

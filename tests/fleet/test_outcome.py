@@ -108,9 +108,9 @@ def test_reaches_without_a_test_are_counted_apart_from_those_that_rest(tmp_path,
     words = Page((tmp_path / "fleet.html").read_text()).words
     assert "1 reach has too few answered days for the test of the last week" in words
     print_summary(found, None, tmp_path)
-    said = capsys.readouterr().out
-    assert "1 with too few answered days for the test of the last week: a" in said
-    assert "2 reaches, 9 data sets" in said and "1 failing: c" in said
+    output = capsys.readouterr().out
+    assert "1 with too few answered days for the test of the last week: a" in output
+    assert "2 reaches, 9 data sets" in output and "1 failing: c" in output
 
 
 @pytest.mark.parametrize(
@@ -138,8 +138,8 @@ def test_days_that_the_prior_decides_and_failed_days_are_no_answers_of_the_week(
 def test_the_page_lists_what_moved_and_counts_what_was_tested(tmp_path):
     moved = outcome(simple(STEADY[:-7] + [9] * 7))
     still = Outcome("b", 0, content="x", first="2008-01-01", last="2008-03-03", moved=False)
-    told = write_fleet(tmp_path, [moved, still, Outcome("c", 2, "broken")], "fleet")
-    assert (told["left_band"], told["failing"]) == (["a"], ["c"])
+    summary = write_fleet(tmp_path, [moved, still, Outcome("c", 2, "broken")], "fleet")
+    assert (summary["left_band"], summary["failing"]) == (["a"], ["c"])
     page = Page((tmp_path / "fleet.html").read_text())
     assert "Of 2 tested" in page.words
     moved_row = "6 to 7 (13.3 to 17.7 min) 9 (19.9 to 22.2 min) +2.0 (4.4 min) 7 above of 7"

@@ -46,14 +46,14 @@ def fleet_json(out):
 def whole(logs, tmp_path_factory):
     """Return OUT of a run of the fleet without figures, and its output."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    code, said = rivid("run", logs, "--out", out, "--no-figures", "--workers", 2)
+    code, output = rivid("run", logs, "--out", out, "--no-figures", "--workers", 2)
     assert code == 0
-    return out, said
+    return out, output
 
 
 def test_each_reach_has_the_tables_it_would_have_alone(data, whole, tmp_path):
-    out, said = whole
-    assert "3 reaches, 18 data sets, 18 estimated now" in said and "changed" not in said
+    out, output = whole
+    assert "3 reaches, 18 data sets, 18 estimated now" in output and "changed" not in output
     config = tmp_path / "beta.toml"
     config.write_text("[reach]\nname = 'beta'\n")
     rivid("run", data / "beta", "--out", tmp_path / "beta", "--no-figures", "--config", config)
@@ -78,11 +78,11 @@ def test_the_page_leads_to_the_reports_of_the_reaches(data, tmp_path):
 def test_shards_at_any_time_and_in_any_order_make_the_same_fleet(data, whole, tmp_path):
     parts = tmp_path / "parts"
     for part in ("2/2", "1/2"):
-        code, said = rivid("run", data, "--out", parts, "--no-figures", "--shard", part)
-        assert code == 0 and f"shard {part}" in said
+        code, output = rivid("run", data, "--out", parts, "--no-figures", "--shard", part)
+        assert code == 0 and f"shard {part}" in output
     assert not (parts / "fleet.html").exists()
-    code, said = rivid("fleet", parts)
-    assert code == 0 and "estimated now" not in said
+    code, output = rivid("fleet", parts)
+    assert code == 0 and "estimated now" not in output
     for name in REACHES:
         assert bytes_of(parts / name) == bytes_of(whole[0] / name)
     for name in ("fleet.csv", "fleet.parquet"):
@@ -173,26 +173,26 @@ def test_only_what_is_new_is_estimated_and_changed_and_silent_reaches_are_listed
     shutil.copytree(whole[0], out)
     assert fleet_json(out)["changed"] == [], "there was no report before"
     write_days(data / "beta", 2, first=dt.date(2008, 3, 16))
-    _, said = rivid("run", data, "--out", out, "--no-figures")
-    assert "20 data sets, 2 estimated now" in said
+    _, output = rivid("run", data, "--out", out, "--no-figures")
+    assert "20 data sets, 2 estimated now" in output
     assert fleet_json(out)["changed"] == ["beta"] and fleet_json(out)["silent"] == ["alpha", "gamma"]
     page, since = (out / "fleet.html").read_text(), minute(fleet_json(out)["before"]["made"])
     for _ in range(2):  # the report is written again, without a run
-        _, said = rivid("fleet", out)
-        assert f"1 changed since the report of {since}" in said
+        _, output = rivid("fleet", out)
+        assert f"1 changed since the report of {since}" in output
         assert MADE.sub("", (out / "fleet.html").read_text()) == MADE.sub("", page)
-    _, said = rivid("run", data, "--out", out, "--no-figures", "--json")
-    lines = [json.loads(line) for line in said.splitlines()]
+    _, output = rivid("run", data, "--out", out, "--no-figures", "--json")
+    lines = [json.loads(line) for line in output.splitlines()]
     assert sorted(line["reach"] for line in lines[:-1]) == list(REACHES)
     assert lines[-1]["summary"]["reaches"] == 3 and fleet_json(out)["changed"] == []
 
 
 def test_places_that_are_refused_are_left_alone(data, tmp_path):
-    code, said = rivid("run", data, "--out", tmp_path / "out", "--dry-run")
-    assert code == 0 and "3 reaches" in said and not (tmp_path / "out").exists()
+    code, output = rivid("run", data, "--out", tmp_path / "out", "--dry-run")
+    assert code == 0 and "3 reaches" in output and not (tmp_path / "out").exists()
     for place in ("data/out", ".", "data"):
-        code, said = rivid("run", data, "--out", tmp_path / place, "--no-figures")
-        assert code == 2 and "lie in each other" in said
+        code, output = rivid("run", data, "--out", tmp_path / place, "--no-figures")
+        assert code == 2 and "lie in each other" in output
     assert not (data / "out").exists()
     assert rivid("fleet", tmp_path / "none")[0] == 10 and not (tmp_path / "none").exists()
 

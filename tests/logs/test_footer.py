@@ -67,8 +67,8 @@ def test_undeclared_they_are_refused_with_the_key_and_the_number(tmp_path):
 )
 def test_a_damaged_row_of_data_is_never_taken_for_a_footer(tmp_path, damaged):
     path = put(tmp_path, damaged, *FOOTER, n=287)
-    said = text_of(path, footer_rows=3)
-    assert "line 289" in said and "footer" not in said
+    message = text_of(path, footer_rows=3)
+    assert "line 289" in message and "footer" not in message
 
 
 @pytest.mark.parametrize("torn", ["2", "2008-", "2008-03-10T2", "2008-03-10T23:55:00+01:00,30"])
@@ -114,8 +114,8 @@ def test_a_long_table_has_a_footer_too(tmp_path):
     ]
     path.write_text("\n".join(["time,tag,value", *body, "864 values", "end"]) + "\n")
     long = {"layout": "long", "tag": "tag"}
-    told = ingest([path], tmp_path / "a", parse({"reach": REACH, "input": long}, Config))
-    assert "'864 values': the last 2 lines are no data: set [input] footer_rows = 2" in told.days[0].reason
+    result = ingest([path], tmp_path / "a", parse({"reach": REACH, "input": long}, Config))
+    assert "'864 values': the last 2 lines are no data: set [input] footer_rows = 2" in result.days[0].reason
     whole = ingest(
         [path], tmp_path / "b", parse({"reach": REACH, "input": {**long, "footer_rows": 2}}, Config)
     )

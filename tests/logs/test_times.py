@@ -106,7 +106,7 @@ def test_midnight_is_the_zones(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "time_format", "said"),
+    ("text", "time_format", "meant"),
     [
         ("2024-05-01T00:00", None, "2024-05-01 00:00:00"),
         ("2024-05-01 24:00", None, "2024-05-02 00:00:00"),
@@ -121,12 +121,12 @@ def test_midnight_is_the_zones(tmp_path):
         ("", None, None),
     ],
 )
-def test_texts_of_times(text, time_format, said):
+def test_texts_of_times(text, time_format, meant):
     time = read_text(text, time_format)
-    if said is None:
+    if meant is None:
         assert time is None
     else:
-        assert str(dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=time[0])) == said and time[1] is None
+        assert str(dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=time[0])) == meant and time[1] is None
 
 
 def test_a_day_that_does_not_exist_is_refused_in_any_format(tmp_path):

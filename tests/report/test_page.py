@@ -206,8 +206,8 @@ def test_a_change_that_the_test_does_not_find_and_a_step_without_a_test_are_stat
     flow = np.full(63, 219.0) + 229.0 * among(63, 7)
     weeks = [d for week in (5, 9, 6, 8, 7, 5, 9, 6, 4) for d in [week] * 7]
     html = write(simple(weeks, mean_inflow=flow), tmp_path)[0]
-    said = headline(html)
-    assert "finds no change from the weeks before, at a mean inflow of 448 m³/s, 219 m³/s in the" in said
+    output = headline(html)
+    assert "finds no change from the weeks before, at a mean inflow of 448 m³/s, 219 m³/s in the" in output
     name, why = top(html)["Has it moved?"]
     assert name == "No change found" and "the last week lies outside, but the test finds no change" in why
     html = write(simple([5] * 19 + [8] * 9, mean_inflow=np.full(28, 300.0)), tmp_path)[0]
@@ -223,9 +223,9 @@ def test_the_headline_has_the_median_since_a_step_and_not_that_of_the_last_week(
     drift = e.travel_s + 8.0 * np.maximum(np.arange(35) - 20, 0) + np.tile([0.0, 60.0, -30.0, 20.0, -50.0], 7)
     run = dataclasses.replace(run, estimators=[dataclasses.replace(e, travel_s=drift)])
     now, since, before = (np.median(drift[days]) / 60 for days in np.s_[-7:, 20:, :20])
-    said = headline(write(run, tmp_path)[0])
-    assert f"after {now:.1f} min" in said and now - since > 0.3
-    assert f"; {since:.1f} min since 2008-01-21, {before:.1f} min before" in said
+    output = headline(write(run, tmp_path)[0])
+    assert f"after {now:.1f} min" in output and now - since > 0.3
+    assert f"; {since:.1f} min since 2008-01-21, {before:.1f} min before" in output
 
 
 def test_a_river_follows_posterior_of_which_d_is_t50_rounded(tmp_path):

@@ -52,13 +52,13 @@ def made(out, travel, flow, *, p=None, kind="pool", window=1, T_s=T_S, status=No
         p[np.arange(n), np.clip(np.nan_to_num(travel, nan=5.5).astype(int) - 1, 0, 14)] = 0.98
     dates = [FIRST + dt.timedelta(days=k) for k in range(n)]
     status = status or ["ok" if np.isfinite(x) else "unidentifiable" for x in travel]
-    said = {
+    columns = {
         "date": dates, "reach": ["made"] * n, "estimator": ["posterior"] * n, "status": status,
         "delay_samples": (np.floor(travel + 0.5) if kind == "river" else np.floor(travel)).tolist(),
         "delay_s": (T_s * travel).tolist(), "mean_inflow_m3s": np.asarray(flow, float).tolist(),
     }  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
-    table = to_table(said, DELAYS)
+    table = to_table(columns, DELAYS)
     write_parquet(table, out / "delays.parquet")
     pa.csv.write_csv(table, out / "delays.csv")
     rows, at = np.nonzero(np.isfinite(p))
@@ -105,9 +105,9 @@ def data(tmp_path_factory):
 def done(data, tmp_path_factory):
     out = tmp_path_factory.mktemp("done") / "out"
     assert ask(data, out)[0] == 0
-    code, said = rivid("season", out)
+    code, output = rivid("season", out)
     assert code == 0
-    return out, said
+    return out, output
 
 
 def test_each_calendar_day_has_the_row_of_the_core(done):
@@ -200,9 +200,9 @@ def test_both_ways_a_day_uses_the_later_ones(tmp_path):
     assert rivid("season", out)[0] == 0
     forward = rows_of(out / "season.csv")
     assert forward[0]["delay_samples"] == "" and forward[0]["direction"] == "forward"
-    code, said = rivid("season", out, "--both-ways")
+    code, output = rivid("season", out, "--both-ways")
     both = rows_of(out / "season.csv")
-    assert code == 0 and "each day from all days" in said
+    assert code == 0 and "each day from all days" in output
     assert {row["direction"] for row in both} == {"both"} and both[0]["delay_samples"] == "5"
 
 
@@ -221,16 +221,16 @@ def test_the_law_is_the_cores_and_holds_what_was_planted(seed, tmp_path):
     T[::17] = np.nan
     out = made(tmp_path / "out", T, Q)
     assert rivid("season", out, "-q")[0] == 0
-    said = json.loads((out / "delay_law.json").read_text())
+    law = json.loads((out / "delay_law.json").read_text())
     p = read_days(out, record_of(out)).probability
     core = delay_law(Q, T_S * T, probability=p, edges=T_S * np.arange(1.0, 17.0))
-    assert (said["T0"], said["b"], said["Q0"]) == pytest.approx((core.T0, core.b, core.Q0), rel=1e-12)
+    assert (law["T0"], law["b"], law["Q0"]) == pytest.approx((core.T0, core.b, core.Q0), rel=1e-12)
     plain = delay_law(Q, T_S * T)
     assert (core.b, core.b_high) == pytest.approx((plain.b, plain.b_high), rel=1e-3)
-    assert said["status"] == "ok" and said["quantity"] == "travel time"
-    sd = (said["b_high"] - said["b_low"]) / 3.29
-    assert abs(said["b"] - 0.3) < 4.0 * sd and sd < 0.02
-    assert said["scatter"] == pytest.approx(0.02, rel=0.3)
+    assert law["status"] == "ok" and law["quantity"] == "travel time"
+    sd = (law["b_high"] - law["b_low"]) / 3.29
+    assert abs(law["b"] - 0.3) < 4.0 * sd and sd < 0.02
+    assert law["scatter"] == pytest.approx(0.02, rel=0.3)
     table = rows_of(out / "delay_law.csv")
     assert list(table[0]) == LAW_SCHEMA.names and sum(int(r["n"]) for r in table) == core.days
     Q_class, delay = cells(table, "discharge_m3s"), cells(table, "delay_s")
@@ -257,29 +257,29 @@ def test_new_days_lie_in_the_interval_of_a_single_day_as_often_as_its_tails_make
 
 
 def test_without_a_law_the_table_is_empty_and_the_json_says_why(done):
-    out, said = done
+    out, output = done
     assert rows_of(out / "delay_law.csv") == []
-    told = json.loads((out / "delay_law.json").read_text())
-    assert told["status"] == "too_few_days" and told["T0"] is None and told["covariance"] is None
-    assert f"no law: {told['message']}" in said
+    law = json.loads((out / "delay_law.json").read_text())
+    assert law["status"] == "too_few_days" and law["T0"] is None and law["covariance"] is None
+    assert f"no law: {law['message']}" in output
 
 
 def test_the_printed_summary_fits_eighty_columns(tmp_path):
     T, Q = law_days(1)
     T[40:42] = np.nan
     out = made(tmp_path / "out", T, Q)
-    code, said = rivid("season", out)
+    code, output = rivid("season", out)
     law = json.loads((out / "delay_law.json").read_text())
     assert code == 0
-    assert max(map(len, said.splitlines()[:-1])) <= 80
+    assert max(map(len, output.splitlines()[:-1])) <= 80
     alone, joined = (
         np.isfinite(cells(rows_of(out / f), "delay_samples")) for f in ("delays.csv", "season.csv")
     )
     assert alone.sum() == 208 and joined[40:42].all()
-    assert f"answered  208 alone, {joined.sum()} joined" in said
-    assert f"{(joined & ~alone).sum()} new, {(alone & ~joined).sum()} gone" in said
-    assert f"T = {law['T0']:.0f} s (Q / {law['Q0']:.0f})^-{law['b']:.2f}, {law['b_low']:.2f} to" in said
-    assert len([line for line in said.splitlines() if " to " in line and line.startswith("   ")]) == 5
+    assert f"answered  208 alone, {joined.sum()} joined" in output
+    assert f"{(joined & ~alone).sum()} new, {(alone & ~joined).sum()} gone" in output
+    assert f"T = {law['T0']:.0f} s (Q / {law['Q0']:.0f})^-{law['b']:.2f}, {law['b_low']:.2f} to" in output
+    assert len([line for line in output.splitlines() if " to " in line and line.startswith("   ")]) == 5
 
 
 def test_a_run_keeps_the_files_of_season(data, tmp_path):
@@ -302,13 +302,13 @@ def test_a_run_keeps_the_files_of_season(data, tmp_path):
 def test_a_run_without_posterior_or_without_a_logged_outflow_is_refused(data, tmp_path):
     out = tmp_path / "out"
     rivid("run", data, "--out", out, "--no-figures", "--to", str(FIRST), "--estimator", "jmap")
-    code, said = rivid("season", out)
-    assert code == 2 and "has no posterior, only jmap" in said and "--estimator posterior" in said
+    code, output = rivid("season", out)
+    assert code == 2 and "has no posterior, only jmap" in output and "--estimator posterior" in output
     config = tmp_path / "c.toml"
     config.write_text('[input]\nu_Qo = ""\n')
     assert ask(data, out, "--config", config, "--to", FIRST)[0] == 0
-    code, said = rivid("season", out)
-    assert code == 2 and "outflow is not logged" in said and "surer than right" in said
+    code, output = rivid("season", out)
+    assert code == 2 and "outflow is not logged" in output and "surer than right" in output
     assert not (out / "season.csv").exists()
 
 
@@ -316,8 +316,8 @@ def test_what_is_no_finished_run_is_refused_and_nothing_is_made(tmp_path):
     assert rivid("season", tmp_path / "none")[0] == 10 and not (tmp_path / "none").exists()
     out = made(tmp_path / "out", np.full(5, 6.5), np.full(5, 300.0))
     (out / "run.json").write_text(json.dumps(record_of(out) | {"outputs": {}}))
-    code, said = rivid("season", out)
-    assert code == 10 and "did not finish" in said
+    code, output = rivid("season", out)
+    assert code == 10 and "did not finish" in output
     silent = made(tmp_path / "silent", np.full(5, np.nan), np.full(5, 300.0), p=np.full((5, 15), np.nan))
     assert rivid("season", silent)[0] == 10
 
@@ -325,21 +325,21 @@ def test_what_is_no_finished_run_is_refused_and_nothing_is_made(tmp_path):
 def test_a_damaged_table_and_a_date_far_away_are_refused(tmp_path):
     out = made(tmp_path / "out", np.full(5, 6.5), np.full(5, 300.0))
     (out / "posterior.parquet").write_bytes(b"PAR1 no more")
-    code, said = rivid("season", out)
-    assert code == 1 and "run again" in said
+    code, output = rivid("season", out)
+    assert code == 1 and "run again" in output
     far = made(tmp_path / "far", np.full(2, 6.5), np.full(2, 300.0))
     table = pq.read_table(far / "delays.parquet")
     dates = pa.array([dt.date(1024, 5, 1), dt.date(2024, 5, 1)], pa.date32())
     write_parquet(table.set_column(0, "date", dates), far / "delays.parquet")
-    code, said = rivid("season", far)
-    assert code == 1 and "1024-05-01" in said
+    code, output = rivid("season", far)
+    assert code == 1 and "1024-05-01" in output
 
 
 def test_a_reach_of_a_fleet_is_asked_for_by_name(tmp_path):
     for name in ("upper", "lower"):
         made(tmp_path / "fleet" / name, np.full(5, 6.5), np.full(5, 300.0))
-    code, said = rivid("season", tmp_path / "fleet")
-    assert code == 2 and "lower, upper" in said
+    code, output = rivid("season", tmp_path / "fleet")
+    assert code == 2 and "lower, upper" in output
     assert rivid("season", tmp_path / "fleet", "--reach", "../fleet/upper")[0] == 2
     assert rivid("season", tmp_path / "fleet", "--reach", "upper")[0] == 0
     assert (tmp_path / "fleet/upper/season.csv").exists()
@@ -393,11 +393,11 @@ def test_a_river_is_answered_by_its_t50_where_the_band_is_narrow(tmp_path):
 
 def test_a_river_is_not_joined_both_ways(tmp_path):
     out = made(tmp_path / "out", np.full(6, 9.4), np.full(6, 300.0), kind="river", T_s=900.0)
-    code, said = rivid("season", out, "--both-ways")
-    assert code == 2 and "surer than right" in said and not (out / "season.csv").exists()
-    code, said = rivid("season", out)
-    assert code == 0 and "a river's days alone are as good" in said
-    assert max(map(len, said.splitlines()[:-1])) <= 80
+    code, output = rivid("season", out, "--both-ways")
+    assert code == 2 and "surer than right" in output and not (out / "season.csv").exists()
+    code, output = rivid("season", out)
+    assert code == 0 and "a river's days alone are as good" in output
+    assert max(map(len, output.splitlines()[:-1])) <= 80
     assert json.loads((out / "delay_law.json").read_text())["quantity"] == "t50"
 
 

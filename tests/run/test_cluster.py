@@ -205,12 +205,12 @@ def test_clusters_that_cannot_be_used_are_refused(season, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "words, said",
+    "words, expected",
     [
         (["--engine", "processes", "--scheduler", "tcp://a:1"], "--scheduler is for --engine dask"),
         (["--scheduler", "tcp://a:1", "--workers", "2"], "the workers are the scheduler's"),
     ],
 )
-def test_options_that_contradict_each_other_are_refused(words, said, season, tmp_path):
+def test_options_that_contradict_each_other_are_refused(words, expected, season, tmp_path):
     code, message = rivid("run", season[0], "--out", tmp_path / "out", *words)
-    assert code == 2 and said in message
+    assert code == 2 and expected in message

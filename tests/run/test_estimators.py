@@ -87,9 +87,9 @@ def logs(tmp_path_factory):
 def all_of_them(logs, tmp_path_factory):
     out = tmp_path_factory.mktemp("all") / "out"
     words = [word for name in ESTIMATORS for word in ("--estimator", name)]
-    code, said = rivid("run", logs, "--out", out, "--no-figures", *words)
+    code, output = rivid("run", logs, "--out", out, "--no-figures", *words)
     assert code == 0
-    return out, said
+    return out, output
 
 
 @pytest.mark.parametrize(("name", "water"), [("direct", open_loop), ("indirect", regulated)])
@@ -227,10 +227,10 @@ def test_figures_and_report_leave_out_what_an_estimator_lacks(logs, tmp_path):
 
 
 def test_every_estimator_has_rows_and_the_same_bytes_in_any_batches(logs, all_of_them, tmp_path):
-    (whole, said), out = all_of_them, tmp_path / "out"
+    (whole, output), out = all_of_them, tmp_path / "out"
     assert [r["estimator"] for r in rows_of(whole)] == list(ESTIMATORS) * 6
-    assert all(f"  {name} " in said for name in ESTIMATORS)
-    assert [line for line in said.splitlines() if len(line) > 80 and not line.startswith("delays: ")] == []
+    assert all(f"  {name} " in output for name in ESTIMATORS)
+    assert [line for line in output.splitlines() if len(line) > 80 and not line.startswith("delays: ")] == []
     words = [word for name in ESTIMATORS for word in ("--estimator", name)]
     for last in ("2008-03-11", "2008-03-20"):
         rivid("run", logs, "--out", out, "--no-figures", "--to", last, *words)
@@ -260,13 +260,13 @@ def test_a_still_level_and_an_outflow_that_copies_the_inflow_are_unidentifiable(
 def test_a_day_too_short_for_the_longest_delay_fails_and_names_the_key(tmp_path, logs):
     config = tmp_path / "c.toml"
     config.write_text("[search]\nd_max = 700\n[run]\nestimators = ['jmap', 'direct']\n")
-    code, said = rivid("run", logs, "--out", tmp_path / "out", "--config", config, "--no-figures")
+    code, output = rivid("run", logs, "--out", tmp_path / "out", "--config", config, "--no-figures")
     assert code == 3
     jmap_rows, direct = load_results(tmp_path / "out").estimators
     assert jmap_rows.status == ["ok"] * 6 and direct.status == ["failed"] * 6
     remedy = "set [run] window_days = 2 or more, or lower [search] d_max"
     assert f"650 samples are too few for d_max = 700: {remedy}" in direct.messages[0]
-    assert said.count(" failed: 650 samples") == 1 and "(6 days)" in said
+    assert output.count(" failed: 650 samples") == 1 and "(6 days)" in output
 
 
 @pytest.mark.parametrize(
@@ -281,9 +281,9 @@ def test_a_day_too_short_for_the_longest_delay_fails_and_names_the_key(tmp_path,
 def test_what_cannot_be_estimated_is_refused_before_any_work(text, words, tmp_path, logs):
     config = tmp_path / "c.toml"
     config.write_text(text)
-    code, said = rivid("run", logs, "--out", tmp_path / "out", "--config", config)
+    code, output = rivid("run", logs, "--out", tmp_path / "out", "--config", config)
     assert code == 2 and not (tmp_path / "out").exists()
-    assert all(word in said for word in words), said
+    assert all(word in output for word in words), output
 
 
 def test_settings_of_an_estimator_that_is_not_run_repeat_nothing(tmp_path, logs):

@@ -120,7 +120,7 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     data = write(tmp_path / "data", [noisy(open_loop(d, 30 + d), d) for d in planted])
     config = tmp_path / "c.toml"
     config.write_text("[posterior]\nd_min = 4\n")
-    code, said = rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
+    code, output = rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
     assert code == 0, "a day without an answer is no failure"
     rows = rows_of(tmp_path / "out")
     assert [r["status"] for r in rows] == ["unidentifiable"] * 3 + ["ok"]
@@ -128,9 +128,9 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     assert [r["delay_samples"] + r["delay_s"] + r["probability"] for r in rows[:3]] == [""] * 3
     assert "d_max = 15" in rows[0]["message"] and "d_min = 4" in rows[2]["message"]
     assert rows[3]["delay_samples"] == "7"
-    said = " ".join(said.split())
-    assert "searched delays on 2 days: the delay is longer than d_max = 15: raise" in said
-    assert "searched delays on 1 day: the delay is shorter than d_min = 4: lower" in said
+    output = " ".join(output.split())
+    assert "searched delays on 2 days: the delay is longer than d_max = 15: raise" in output
+    assert "searched delays on 1 day: the delay is shorter than d_min = 4: lower" in output
     config.write_text("[posterior]\nd_max = 25\n")
     rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
     assert [r["delay_samples"] for r in rows_of(tmp_path / "out")] == [str(d) for d in planted]
@@ -263,9 +263,9 @@ def test_the_terminal_states_a_step_of_the_delay_with_its_date(tmp_path):
     for k, date in enumerate(dates):
         (logs / f"{date}.csv").write_text(text_of(date, delay=5 if k < 26 else 8), encoding="utf-8")
     asked = ("run", logs, "--out", tmp_path / "out", "--no-figures", "--estimator", "posterior")
-    said = " ".join(rivid(*asked)[1].split())
+    output = " ".join(rivid(*asked)[1].split())
     assert re.search(
-        rf"delay moved: \d samples \([^)]*\) since {dates[26]}, \d samples \([^)]*\) before", said
-    ), said
+        rf"delay moved: \d samples \([^)]*\) since {dates[26]}, \d samples \([^)]*\) before", output
+    ), output
     few = " ".join(rivid(*asked[:3], tmp_path / "few", *asked[4:], "--to", dates[20])[1].split())
     assert "posterior" in few and "moved" not in few

@@ -70,8 +70,8 @@ def test_damaged_files_of_out_are_found_and_written_again(data, tmp_path):
             path.unlink()
         else:
             path.write_bytes(bytes(content if damage == "flip" else content[:50]))
-        code, said = rivid("run", data, "--out", out, *more)
-        assert code == 0 and "0 estimated now" in said, name
+        code, output = rivid("run", data, "--out", out, *more)
+        assert code == 0 and "0 estimated now" in output, name
         assert path.stat().st_size > 50 and bytes_of(out) == before, name
 
 
@@ -94,12 +94,12 @@ def test_json_is_json_also_for_a_day_without_motion(data, tmp_path):
     path.write_text(
         "\n".join(",".join([r[0], "300" if i else r[1], *r[2:]]) for i, r in enumerate(rows)) + "\n"
     )
-    _, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures", "--quiet")
+    _, output = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures", "--quiet")
 
     def refuse(word):
         raise ValueError(word)
 
-    lines = [json.loads(line, parse_constant=refuse) for line in said.splitlines()]
+    lines = [json.loads(line, parse_constant=refuse) for line in output.splitlines()]
     assert lines[4]["status"] == "unidentifiable" and lines[4]["condition"] is None
 
 
@@ -108,10 +108,10 @@ def test_places_and_days_that_cannot_be_run(data, tmp_path):
     assert rivid("run", data, "--out", data)[0] == 2 and not (data / ".rivid").exists()
     assert rivid("run", tmp_path / "none", "--out", out)[0] == 10 and not out.exists()
     for words in (("--from", "2030-01-01"), ("--from", "2008-03-14", "--to", "2008-03-11")):
-        code, said = rivid("run", data, "--out", out, *words)
-        assert code == 10 and "2008-03-10 to 2008-03-14" in said
-    code, said = rivid("run", data, "--out", out, "--config", config)
-    assert code == 10 and "window_days" in said
+        code, output = rivid("run", data, "--out", out, *words)
+        assert code == 10 and "2008-03-10 to 2008-03-14" in output
+    code, output = rivid("run", data, "--out", out, "--config", config)
+    assert code == 10 and "window_days" in output
 
 
 def test_days_without_logs_leave_the_tables(data, tmp_path):

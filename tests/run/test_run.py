@@ -98,14 +98,15 @@ def data(logs, tmp_path):
 def finished(logs, tmp_path_factory):
     """Return OUT of a run of jmap and ml, its output, and the bytes of its tables."""
     out = tmp_path_factory.mktemp("finished") / "out"
-    code, said = rivid("run", logs, "--out", out, "--estimator", "jmap", "--estimator", "ml", "--workers", 1)
+    words = ("--estimator", "jmap", "--estimator", "ml", "--workers", 1)
+    code, output = rivid("run", logs, "--out", out, *words)
     assert code == 0
-    return out, said, bytes_of(out)
+    return out, output, bytes_of(out)
 
 
 def test_a_run_writes_the_contract(finished):
-    out, said, _ = finished
-    assert "report.html" in said
+    out, output, _ = finished
+    assert "report.html" in output
     with open(out / "delays.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == DELAYS.names and len(rows) == 24 and {r["status"] for r in rows} == {"ok"}
@@ -153,8 +154,8 @@ def test_the_bytes_do_not_depend_on_workers_batches_or_interruptions(data, tmp_p
 
 def test_only_what_is_new_is_estimated_and_the_report_follows_the_tables(data, tmp_path):
     out = tmp_path / "out"
-    code, said = rivid("run", data, "--out", out, "--dry-run")
-    assert code == 0 and "12 to estimate" in said and not out.exists()
+    code, output = rivid("run", data, "--out", out, "--dry-run")
+    assert code == 0 and "12 to estimate" in output and not out.exists()
     assert (
         "3 estimated now" in rivid("run", data, "--out", out, "--from", "2008-03-12", "--to", "2008-03-14")[1]
     )
@@ -168,8 +169,8 @@ def test_only_what_is_new_is_estimated_and_the_report_follows_the_tables(data, t
     day = data / "2008-03-13.csv"
     day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
     write_days(data, 1, first=dt.date(2008, 3, 22))
-    code, said = rivid("run", data, "--out", out, "--no-figures", "--json", "--quiet")
-    lines = [json.loads(line) for line in said.splitlines()]
+    code, output = rivid("run", data, "--out", out, "--no-figures", "--json", "--quiet")
+    lines = [json.loads(line) for line in output.splitlines()]
     assert code == 0 and len(lines) == 27  # a line per day and estimator, and the summary
     computed = {(line["date"], line["estimator"]) for line in lines[:-1] if line["computed"]}
     assert computed == set(product(("2008-03-13", "2008-03-22"), ("jmap", "posterior")))
@@ -278,8 +279,8 @@ def test_todays_unfinished_log_is_pending_and_then_done(data, tmp_path):
 def test_the_terminal_says_the_main_numbers_in_80_columns(data, tmp_path):
     (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
     words = ("--estimator", "jmap", "--estimator", "ml", "--no-figures")
-    _, said = rivid("run", data, "--out", tmp_path / "out", *words)
-    note, *lines = said.splitlines()
+    _, output = rivid("run", data, "--out", tmp_path / "out", *words)
+    note, *lines = output.splitlines()
     assert note == "rivid: no configuration: [reach] is taken from Table I"
     assert lines[0].startswith("reach: 12 data sets, 12 estimated now, 0 done before")
     assert "  jmap  11 ok, 1 failed" in lines
@@ -298,9 +299,9 @@ def test_nothing_to_work_on_is_exit_10(tmp_path):
 def test_a_config_that_contradicts_itself_is_exit_2_in_one_line(data, tmp_path):
     config = tmp_path / "c.toml"
     config.write_text("[jmap]\nd_max = 40\n")
-    code, said = rivid("run", data, "--config", config, "--out", tmp_path / "out")
-    assert code == 2 and "order >= 43" in said
-    assert len(said.splitlines()) == 1
+    code, output = rivid("run", data, "--config", config, "--out", tmp_path / "out")
+    assert code == 2 and "order >= 43" in output
+    assert len(output.splitlines()) == 1
 
 
 def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
@@ -311,8 +312,8 @@ def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
     content = bytearray(segment.read_bytes())
     content[len(content) // 3] ^= 1
     segment.write_bytes(bytes(content))
-    code, said = rivid("run", data, "--out", out, "--no-figures")
-    assert code == 0 and "12 estimated now" in said
+    code, output = rivid("run", data, "--out", out, "--no-figures")
+    assert code == 0 and "12 estimated now" in output
     assert bytes_of(out) == before
 
 

@@ -38,13 +38,13 @@ def test_shards_and_then_a_run_give_the_bytes_of_a_run(tmp_path):
     assert rivid("run", data, "--out", whole, "--no-figures")[0] == 3
     estimated = 0
     for part in ("3/3", "1/3", "2/3"):
-        code, said = rivid("run", data, "--out", parts, "--shard", part)
-        assert code == 0, "what failed is told by the run that merges"
-        estimated += int(said.split(" estimated now")[0].split()[-1])
+        code, output = rivid("run", data, "--out", parts, "--shard", part)
+        assert code == 0, "what failed is reported by the run that merges"
+        estimated += int(output.split(" estimated now")[0].split()[-1])
         assert not (parts / "delays.csv").exists() and not (parts / "run.json").exists()
     assert estimated == 70
-    code, said = rivid("run", data, "--out", parts, "--no-figures")
-    assert code == 3 and "0 estimated now, 70 done before" in said
+    code, output = rivid("run", data, "--out", parts, "--no-figures")
+    assert code == 3 and "0 estimated now, 70 done before" in output
     assert bytes_of(parts) == bytes_of(whole)
 
 
@@ -58,7 +58,7 @@ def test_a_shard_without_days_succeeds_and_without_logs_has_no_data(tmp_path):
         for i in range(1, 10)
     ]
     assert [code for code, _ in done] == [0] * 9
-    assert sorted(json.loads(said)["summary"]["computed"] for _, said in done) == [0] * 8 + [2]
+    assert sorted(json.loads(output)["summary"]["computed"] for _, output in done) == [0] * 8 + [2]
 
 
 def test_shards_hold_out_together_and_keep_a_whole_run_out(tmp_path, monkeypatch):
@@ -84,6 +84,6 @@ def test_shards_at_the_same_time_lose_nothing(tmp_path):
     write_days(data, 70)
     jobs = [start("run", data, "--out", out, "-q", "--shard", f"{i}/2") for i in (1, 2)]
     for job in jobs:
-        _, said = job.communicate(timeout=60)
-        assert job.returncode == 0, said
+        _, output = job.communicate(timeout=60)
+        assert job.returncode == 0, output
     assert "0 estimated now, 70 done before" in rivid("run", data, "--out", out, "--no-figures")[1]

@@ -124,8 +124,8 @@ def test_an_export_of_a_part_of_a_day_is_ingested_and_checked(logs, tmp_path):
 def test_what_needs_whole_days_refuses_in_one_line(done, tmp_path):
     out, _ = done
     for words in (("season", out), ("figures", out)):
-        code, said = rivid(*words)
-        assert code == 2 and "[run] window" in said and len(said.strip().splitlines()) == 1
+        code, output = rivid(*words)
+        assert code == 2 and "[run] window" in output and len(output.strip().splitlines()) == 1
 
 
 def test_a_data_set_too_short_for_the_response_names_the_key(logs, tmp_path):
@@ -142,15 +142,15 @@ def test_a_log_of_minutes_that_is_read_as_a_day_is_sent_to_the_window(logs, tmp_
     settings = {name: value for name, value in SETTINGS.items() if name != "run"}
     (day,) = check(logs, parse(settings, Config)).days
     assert day.status == "failed" and day.reason.endswith("shorter than a day, set [run] window")
-    code, said = rivid("sniff", next(logs.iterdir()))
-    assert code == 0 and "set [run] window" in " ".join(said.replace("#", " ").split())
+    code, output = rivid("sniff", next(logs.iterdir()))
+    assert code == 0 and "set [run] window" in " ".join(output.replace("#", " ").split())
 
 
 def test_the_terminal_counts_data_sets_and_states_that_there_is_no_report(logs, tmp_path):
     (tmp_path / "c.toml").write_text(tomli_w.dumps(SETTINGS))
-    code, said = rivid("run", logs, "--config", tmp_path / "c.toml", "--out", tmp_path / "out")
-    assert code == 0 and "4 data sets" in said
-    assert " day" not in said.partition("no report and no figures")[0] and "rivid check" not in said
+    code, output = rivid("run", logs, "--config", tmp_path / "c.toml", "--out", tmp_path / "out")
+    assert code == 0 and "4 data sets" in output
+    assert " day" not in output.partition("no report and no figures")[0] and "rivid check" not in output
 
 
 @pytest.mark.parametrize("given", [{"window": "0 s"}, {"window": "2 days"}, {"window": "13 h"}])

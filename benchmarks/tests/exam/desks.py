@@ -14,16 +14,16 @@ from rivid.errors import ConfigError
 def planted(seed):
     flow = np.full((1, 4), float(seed))
     logs = Logs((dt.date(2008, 1, 1),), np.arange(4.0), flow, flow, flow, {"reach": {"name": "reach"}})
-    return logs, truth({"name": "secret", "examiner": os.getpid()}) | {"told": [{"name": "secret"}]}
+    return logs, truth({"name": "secret", "examiner": os.getpid()}) | {"known": [{"name": "secret"}]}
 
 
 def answered(logs):
-    said = answer(effect("secret")) if logs.inflow[0, 0] % 2 else answer()
-    return said | {"seen": float(logs.inflow[0, 0]), "candidate": os.getpid(), "config": logs.config}
+    given = answer(effect("secret")) if logs.inflow[0, 0] % 2 else answer()
+    return given | {"seen": float(logs.inflow[0, 0]), "candidate": os.getpid(), "config": logs.config}
 
 
-def floored(logs, told):
-    assert told == [{"name": "secret"}]
+def floored(logs, known):
+    assert known == [{"name": "secret"}]
     return [1.0, 2.0, 5.0]
 
 

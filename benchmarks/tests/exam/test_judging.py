@@ -9,8 +9,8 @@ LAG = {"name": "outflow_lag", "lag": 300.0}
 CLOCK = {"name": "clock_offset", "offset": 500.0}
 
 
-def judged(said, *planted, floor=None, **more):
-    return judge(said, truth(*planted, **more), floor)
+def judged(given, *planted, floor=None, **more):
+    return judge(given, truth(*planted, **more), floor)
 
 
 def test_the_planted_name_alone_is_first_and_alone():
@@ -37,9 +37,9 @@ def test_no_name_is_an_abstention():
 
 
 def test_what_is_true_of_the_water_is_not_counted_unless_it_was_planted():
-    said = answer(effect("storage_area_slope"), effect("outflow_lag"))
-    assert judged(said, LAG, allowed=["storage_area_slope"]).alone
-    assert judged(said, LAG).wrong
+    given = answer(effect("storage_area_slope"), effect("outflow_lag"))
+    assert judged(given, LAG, allowed=["storage_area_slope"]).alone
+    assert judged(given, LAG).wrong
     slope = {"name": "storage_area_slope", "slope": 0.3}
     assert judged(answer(effect("storage_area_slope")), slope, allowed=["storage_area_slope"]).first
 
@@ -131,8 +131,8 @@ def test_growth_to_what_the_true_model_makes_is_no_growth_beyond_it():
 
 @pytest.mark.parametrize(("low", "high", "inside"), [(250.0, 350.0, True), (310.0, 350.0, False)])
 def test_an_interval_covers_the_planted_value_or_not(low, high, inside):
-    said = effect("outflow_lag", parameters=[("lag", 330.0, low, high, "s")])
-    assert covering([said], truth(LAG)) == [("outflow_lag.lag", inside)]
+    given = effect("outflow_lag", parameters=[("lag", 330.0, low, high, "s")])
+    assert covering([given], truth(LAG)) == [("outflow_lag.lag", inside)]
 
 
 def test_parameters_without_an_interval_and_events_are_left_out():
@@ -142,7 +142,7 @@ def test_parameters_without_an_interval_and_events_are_left_out():
 
 
 def test_an_hour_is_covered_round_the_clock():
-    said = effect("diurnal_inflow", parameters=[("hour", 0.2, -0.3, 0.7, "h")])
-    assert covering([said], truth({"name": "diurnal_inflow", "hour": 23.9})) == [
+    given = effect("diurnal_inflow", parameters=[("hour", 0.2, -0.3, 0.7, "h")])
+    assert covering([given], truth({"name": "diurnal_inflow", "hour": 23.9})) == [
         ("diurnal_inflow.hour", True)
     ]

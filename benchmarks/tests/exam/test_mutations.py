@@ -7,7 +7,16 @@ import pytest
 
 from benchmarks.exam.answering import record_of
 from benchmarks.exam.hiding import plant
-from benchmarks.exam.mutations import BLOCKS, LATENT, MATERIAL, MUTATIONS, answered, importers, noticed, told
+from benchmarks.exam.mutations import (
+    BLOCKS,
+    LATENT,
+    MATERIAL,
+    MUTATIONS,
+    answered,
+    importers,
+    noticed,
+    table_of,
+)
 from benchmarks.exam.naive import named_by_regression
 from rivid.diagnosis import blocks, workflow
 from rivid.effects import CATALOGUE
@@ -61,7 +70,7 @@ def test_the_naive_regression_names_something_where_nothing_is_missing(seed):
 
 def test_a_mutation_that_nothing_notices_is_reported():
     found = {"as it is": [], "no materiality": [], "days instead of blocks": ["one effect: first 3/9"]}
-    text = told(found)
+    text = table_of(found)
     assert not noticed(found)
     assert "| no materiality | none | NOT NOTICED |" in text
     assert "| days instead of blocks | one effect: first 3/9 | as it must be |" in text

@@ -12,9 +12,9 @@ from benchmarks.tests.exam.answers import answer, effect, gap, ranked, truth
 LAG = {"name": "outflow_lag", "lag": 300.0}
 
 
-def result(seed, said, *planted, floor=None, **more):
+def result(seed, given, *planted, floor=None, **more):
     return {
-        "seed": seed, "revision": "abc", "truth": truth(*planted, **more) | {"seed": seed}, "answer": said,
+        "seed": seed, "revision": "abc", "truth": truth(*planted, **more) | {"seed": seed}, "answer": given,
         "floor": floor,
     }  # fmt: skip
 

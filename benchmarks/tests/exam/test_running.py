@@ -34,7 +34,7 @@ def test_the_floor_is_asked_where_an_effect_was_named(kept):
     assert [r["seed"] for r in found] == [0, 1, 2]
     assert [r["answer"]["seen"] for r in found] == [0.0, 1.0, 2.0]
     assert [r["floor"] for r in found] == [None, [1.0, 2.0, 5.0], None]
-    assert all("told" not in r["truth"] for r in found)
+    assert all("known" not in r["truth"] for r in found)
 
 
 def test_who_answers_is_another_process_and_gets_logs_and_configuration_only(kept):

@@ -144,7 +144,7 @@ def test_drawn_events_are_told_as_they_were_drawn():
     one = plant(seed, 40)
     if one.truth["effects"][0]["name"] != "rain_inflow":
         pytest.skip("another effect is hidden in this seed")
-    (table,) = one.told
+    (table,) = one.known
     effect = type(one.season.effects[0]).from_table(table)
     inside = one.season.unlogged - one.season.weather
     world = one.season.world
@@ -156,7 +156,7 @@ def test_drawn_events_are_told_as_they_were_drawn():
 
 def test_what_goes_between_processes_has_what_a_knowing_model_needs():
     logs, truth = sealed(11, DAYS)
-    assert truth["kind"] == "nothing" and truth["told"] is None
+    assert truth["kind"] == "nothing" and truth["known"] is None
     assert logs.settings.reach.sample_time > 0.0
 
 
