@@ -35,7 +35,8 @@ from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
 """Share of the squared error beyond the noise above which "no_gap" is no verdict. Two of 24 development
-seasons of 40 days with nothing hidden exceed it, and four :data:`rivid.diagnosis.decision.MATERIAL`."""
+seasons of 40 days with nothing hidden exceed it, and four :data:`rivid.diagnosis.decision.MATERIAL`, counted
+when an excess in a single block was enough."""
 LEAST_RATIO = 3.0
 """Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
 FILLED = 0.5  # share of the time from the first pulse to the last above which pulses are no separate events
