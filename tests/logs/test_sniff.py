@@ -123,9 +123,32 @@ def test_a_first_proposal_is_read_by_ingest(name, tmp_path):
     assert np.allclose(day.output, output[:96], atol=0.02)
 
 
-@pytest.mark.parametrize(("unit", "known"), [("m ü. NN", "m"), ("ft NAVD88", "ft"), ("m/s", "")])
+@pytest.mark.parametrize(
+    ("unit", "known"), [("m ü. NN", "m"), ("müM", "m"), ("m üA", "m"), ("ft NAVD88", "ft"), ("m/s", "")]
+)
 def test_the_unit_of_a_level_may_state_its_datum(unit, known):
     assert stated_unit("", unit, level=True) == known
+
+
+def test_series_one_below_the_other_need_a_pattern_of_their_tags(tmp_path):
+    path, lines = tmp_path / "export.csv", list[str]()
+    for tag, values in (("Q up", UP), ("Q down", DOWN), ("W", LEVEL)):
+        lines += [f"#Station;{tag}", "#Timestamp;Value;Quality"]
+        lines += [f"{t:%Y-%m-%d %H:%M};{v};200" for t, v in zip(TIMES, values, strict=True)]
+    path.write_text("\n".join(lines))
+    (question,) = (text for key, text in sniff(path, "UTC").questions if key == "layout")
+    assert "tag_pattern" in question
+    given = {
+        "layout": "long", "tag_pattern": "#Station;(.+)", "u_Qi": "Q up", "u_Qo": "Q down", "h_L": "W",
+        "columns": ["time", "value", "quality"], "separator": ";", "comment": "#", "time_zone": "UTC",
+        "time_format": "%Y-%m-%d %H:%M", "quality": "quality", "good": ["200"],
+    }  # fmt: skip
+    settings = parse({"reach": {"sample_time": 900}, "input": given}, Config)
+    done = ingest([path], tmp_path / "logs", settings)
+    assert [day.status for day in done.days] == ["written"], done.days
+    settings = parse({"reach": {"sample_time": 900}}, Config)
+    day = read_window(tmp_path / "logs", find_days(tmp_path / "logs", settings).days[:1], settings)
+    assert np.allclose([day.inflow, day.outflow, day.output], [UP[:96], DOWN[:96], LEVEL[:96]])
 
 
 def test_a_unit_that_is_written_and_not_known_is_quoted(tmp_path):

@@ -34,7 +34,7 @@ _LEVEL_UNITS = (
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn|m ?ahd|msnm|m ?od"),
 )
 # what may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`
-_DATUM = r"( ?(\+|above|over|über|ü\.|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
+_DATUM = r"( ?(\+|above|over|über|ü[. man]|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
 # names of an outside level: the level of the reach only where no other is logged
 TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a-z])"
 _ROLES = (

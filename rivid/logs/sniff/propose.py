@@ -25,6 +25,7 @@ from rivid.logs.sniff.columns import (
 from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time, middle
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
+from rivid.types import HOUR
 
 DEFAULT = InputConfig()
 WIDTH = 80  # characters of a line of the proposal
@@ -32,6 +33,7 @@ HEAD_BYTES = 2 << 20  # bytes from the beginning that are read for the layout: a
 HEAD_ROWS = 20_000  # rows of these
 MOST_NAMES = 3  # files that are named at the top of the proposal
 UNSTEADY = 0.3  # share of odd steps [-] beyond which values come when they change, not regularly
+CLOCK_CHANGE = 2.0 * HOUR  # longer than any step back of a clock that is changed [s]
 BRIEF = 1.0  # sample time below which a record is taken for one of minutes, of a laboratory [s]
 FILL_IN = (
     "# fill in; what is left out is taken from the reach of the examples:",
@@ -116,6 +118,12 @@ class Proposal:
         if layout.doubled:
             self.ask("columns", "names occur twice in the header: those in columns are made up, in its order")
         self.ask("time_format", layout.doubt)
+        if not layout.value and min(layout.steps, default=0) < -CLOCK_CHANGE * MICRO:
+            self.ask(
+                "layout",
+                'its times go back: for series one below the other set layout = "long", value, and '
+                "tag_pattern to a regular expression that finds the tag of each in a line above its rows",
+            )
         roles, self.kind, self.instead = roles_of(self.columns, self.questions)
         self.roles = {role: group for role, group in roles.items() if group}
         self.used = [column for group in self.roles.values() for column in group]
