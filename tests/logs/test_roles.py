@@ -163,6 +163,8 @@ def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected
         ("Rainfall (mm)|Inflow volume (m3)|Inflow|Outflow|Stage", 2, 3, 4),
         ("Level setpoint (m)|Level (m)|Inflow setpoint (m3/s)|Inflow (m3/s)|Outflow (m3/s)", 3, 4, 1),
         ("Q_up|Q_dn|H_dn", 0, 1, 2),
+        ("KW1.QAB|KW2.QAB|KW2.OWP", 0, 1, 2),
+        ("KW2.QZU|KW2.QAB|KW2.OWP", 0, 1, 2),
         # a side that all columns name decides nothing
         ("Upper Dam inflow|Upper Dam turbine 1|Upper Dam turbine 2|Upper Dam level", 0, (1, 2), 3),
         ("Inflow|Turbine flow east|Turbine flow west|Level west", 0, (1, 2), 3),

@@ -41,14 +41,14 @@ _ROLES = (
     (
         "h_L",
         r"level|stage|niveau|c[oô]t[ea]|pegel|spiegel|wasserstand|elev|height|forebay|hauteur|livell[oi]|n[ií]vel"
-        r"|lvl|stauziel|headwater el|[ _]el$|^h[ _]|(?<![a-z])(hw|wsp)(?![a-z])"
+        r"|lvl|stauziel|headwater el|[ _]el$|^h[ _]|(?<![a-z])(hw|wsp|[ou]wp)(?![a-z])"
         r"|quota|altezza|altura|idrometr|limn[ií]|plan d'eau|l[áâa]mina|^h(_l)?$|^z$"
         rf"|{TIDE}"
         r"|^w$|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
-        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|ablauf|abgabe|^ab$"
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|ablauf|abgabe|(^|(?<![a-z])q)ab(?![a-z])"
         r"|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien|wehr|weir|d[ée]vers|[ée]vacuateur|aliviadero"
         r"|compuerta|sluice|powerhouse|generation"
         r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])"
@@ -56,16 +56,18 @@ _ROLES = (
     ),
     (
         "u_Qi",
-        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|zulauf|^zu$|release|q_?i$|incoming|entrante"
-        r"|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])"
+        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|zulauf"
+        r"|(^|(?<![a-z])q)zu(?![a-z])|release|q_?i$|incoming"
+        r"|entrante|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])"
         r"|(?<![a-z])monte(?![a-z])|arrivo|ingress",
     ),
     ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|vaz[ãa]o|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
 _SURE = {
-    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|zulauf|^zu$|incoming|aff?lu|apport",
-    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|ablauf|abgabe|^ab$|outgoing"
-    r"|salien|deflu|efluent",
+    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|zulauf|(^|(?<![a-z])q)zu(?![a-z])"
+    r"|incoming|aff?lu|apport",
+    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|ablauf|abgabe"
+    r"|(^|(?<![a-z])q)ab(?![a-z])|outgoing|salien|deflu|efluent",
     "flow": r"^q_l$",
 }
 # words for the upstream and the downstream side of the reach
