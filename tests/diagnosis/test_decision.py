@@ -645,6 +645,9 @@ def test_each_verdict_is_reached(verdict):
     assert _verdict(study, gap, REMAINDER)[0] == verdict
     next_one = _next(study, verdict, dict(CATALOGUE))
     assert (next_one is not None) == (verdict in ("unknown", "cannot_tell"))
+    if verdict == "did_not_hold":
+        less = -float(VERDICTS[verdict][1].density[SPLIT.sealed].sum())
+        assert f"less probable with it, by {less:.0f} nats" in reason
     if verdict == "cannot_tell":
         assert next_one == CATALOGUE["leakage"].confounded_with["gate_head_effect"]
 
