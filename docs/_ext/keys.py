@@ -76,7 +76,7 @@ def _key(table_name: str, name: str, field: FieldInfo, model: type[BaseModel]) -
 
 
 def _means(name: str, field: FieldInfo, model: type[BaseModel]) -> tuple[str, str]:
-    """Return the description of the key, or that in the docstring of the settings it belongs to."""
+    """Return unit and meaning of a key: its own, or those in the docstring of the class that it sets."""
     for part in field.metadata:
         if isinstance(part, Means):
             return part.unit, part.meaning

@@ -142,10 +142,10 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     counted = Counter(named)
     names = ", ".join(_words(name) + TIMES.get(k, "") for name, k in counted.items()).capitalize()
     if study.contradicted:
-        less = float((study.first.density - study.last.density)[study.split.sealed].sum())
+        less = round(float((study.first.density - study.last.density)[study.split.sealed].sum()))
         worse = "on the days kept apart the error"
-        if less > 0.0:
-            worse = f"the days kept apart are less probable with it, by {less:.0f} nats; the error there"
+        if less > 0:
+            worse = f"the days kept apart are less probable with it, by {less} nats; the error there"
         return "did_not_hold", f"{names} fits, but {worse} goes from {shown}."
     if not study.sure:
         return (

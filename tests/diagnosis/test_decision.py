@@ -648,6 +648,9 @@ def test_each_verdict_is_reached(verdict):
     if verdict == "did_not_hold":
         less = -float(VERDICTS[verdict][1].density[SPLIT.sealed].sum())
         assert f"less probable with it, by {less:.0f} nats" in reason
+        harmful = explained("leakage", 9.0, MUCH, parent=NOTHING, sealed=(9.0, -9.0 * MUCH))
+        found, reason = _verdict(study_of(NOTHING, harmful), gap, None)
+        assert found == "did_not_hold" and "nats" not in reason
     if verdict == "cannot_tell":
         assert next_one == CATALOGUE["leakage"].confounded_with["gate_head_effect"]
 
