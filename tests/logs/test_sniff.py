@@ -358,3 +358,21 @@ def test_the_proposal_names_its_files_or_their_number(n, end, tmp_path):
     for path in paths:
         path.write_text(wide("time,inflow_m3s,level_m", UP, LEVEL))
     assert f"Proposed for a.csv, b.csv, {end}" in sniff(paths, "UTC").toml.splitlines()[0]
+
+
+def test_the_number_of_a_station_is_no_level(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(
+        "agency,site_no,time,00060 [cfs]\n"
+        + "".join(f"USGS,09380000,{t:%Y-%m-%d %H:%M},{q}\n" for t, q in zip(TIMES, UP, strict=True))
+    )
+    lines = [line for line in sniff(path).toml.splitlines() if "site_no" in line]
+    assert not [line for line in lines if "left out" not in line]
+
+
+@pytest.mark.parametrize("text", ['{"t": "2024-05-01", "q": 1}\n{"t": "2024-05-02", "q": 2}', '[\n {"t": 1}]'])
+def test_json_is_refused_by_its_name(text, tmp_path):
+    path = tmp_path / "export.json"
+    path.write_text(text)
+    with pytest.raises(DataError, match="is JSON: expected a table"):
+        sniff(path)

@@ -144,6 +144,8 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
     steps = Counter(b - a for a, b in pairwise(values))
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
+    if not role and len({*cells}) == 1 and _is_identifier(name, [*cells]):
+        return None  # the number of the station in each row
     sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
     sure = sure and not re.search(_PLANNED, name.lower())
     found = tuple(sentinels_in(np.array([*values.values()])))

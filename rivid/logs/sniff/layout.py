@@ -124,7 +124,13 @@ def guess_encoding(content: bytes) -> str:
 def guess_layout(content: bytes, name: str) -> Layout:
     """Lay out a text file; DataError where it is no table with a header."""
     encoding = guess_encoding(content)
-    lines = LINE.split(content.decode(encoding, "replace").lstrip("\ufeff"))
+    text = content.decode(encoding, "replace").lstrip("\ufeff")
+    if re.match(r"\s*\[?\s*\{", text):
+        raise DataError(
+            f"{name} is JSON: expected a table, as text, workbook or Parquet; convert it, for example with "
+            "read_json and to_csv of pandas"
+        )
+    lines = LINE.split(text)
     if zrxp := _zrxp(lines, encoding):
         return zrxp
     comment = _guess_comment(lines)
