@@ -224,7 +224,7 @@ def fitted(
     exact = start is None or model.rough is model  # whether the defect is that of the present values
     known = model, base, defect, exact  # the last ones for which it was, or those of the start
     shared = None if start is None else start.shared
-    J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
+    columns = J = model.jacobian(few, base - defect, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights, stale, corrected = LEAST_DAMPING, None, start is not None, False
 
@@ -310,8 +310,9 @@ def fitted(
         if ended:
             corrected = True
             continue
-        del J
-        J, shared, stale, fresh = model.jacobian(few, base - defect), None, False, fresh - 1
+        del J, columns
+        columns = J = model.jacobian(few, base - defect)
+        shared, stale, fresh = None, False, fresh - 1
         damping = LEAST_DAMPING
     if not exact:
         model, base, defect = carried()
@@ -325,13 +326,14 @@ def fitted(
         other_J = model.jacobian(rest, base - more, None if shared is None else shared[:, sealed])
     else:
         left, other_J, more = z[:0], J[:, :0], defect[:0]
+    # not as updated along the steps: after a short step such an update is mostly numerical error
     whole = np.zeros(record.days)
     whole[open_days] = weights
     if shared is None:
-        shared = _joined(open_days, J[:p], other_J[:p], np.float32)
+        shared = _joined(open_days, columns[:p], other_J[:p], np.float32)
     return replace(
         draft, model=model, residual=_joined(open_days, z, left), shared=shared,
-        own=_joined(open_days, J[p:], other_J[p:], np.float32), sd=sd, weights=whole, bonus=None,
+        own=_joined(open_days, columns[p:], other_J[p:], np.float32), sd=sd, weights=whole, bonus=None,
         defect=_joined(open_days, defect, more, np.float32),
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ class _Timing(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class FlowDependentDelay(_Timing):
-    """``a flow Q comes delay (Q - usual flow) later``.
+    """``a flow Q comes delay (Q - neutral) later``.
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
     a rise becomes steeper (`delay` negative) or flatter.
@@ -39,21 +39,26 @@ class FlowDependentDelay(_Timing):
         -0.5, "s per m3/s", -100.0, 100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
     )  # fmt: skip
+    neutral: float = quantity(
+        0.0, "m3/s", 0.0, 1e6, "flow with the travel time of the simulation; 0 stands for the usual flow"
+    )
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
         swing = max(float(np.quantile(np.abs(world.inflow - world.flow), 0.9)), 1e-9)
         late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
         sizes = dict.fromkeys(cls.clipped("delay", samples * world.sample_time / swing) for samples in late)
-        return [cls.trial_at("delay", size) for size in sizes]
+        # Free, since else the response would take on its length an error of this flow.
+        return [cls.trial_at("delay", size, also=("neutral",), neutral=world.flow) for size in sizes]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
+        neutral = min(max(self.neutral, low), high) if self.neutral else world.flow
         levels = np.linspace(low, high, LAYERS + 1)
         real = np.full(world.inflow.shape, low)
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             layer = np.clip(world.inflow, bottom, top) - bottom
-            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - world.flow))
+            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - neutral))
         return Changes(inflow=real)
 
 
