@@ -21,7 +21,7 @@ class _Timing(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class FlowDependentDelay(_Timing):
-    """``a flow Q comes delay (Q - neutral) later``.
+    """``a flow Q comes delay (Q - reference_flow) later``.
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
     a rise becomes steeper (`delay` negative) or flatter.
@@ -39,7 +39,7 @@ class FlowDependentDelay(_Timing):
         -0.5, "s per m3/s", -100.0, 100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
     )  # fmt: skip
-    neutral: float = quantity(
+    reference_flow: float = quantity(
         0.0, "m3/s", 0.0, 1e6, "flow with the travel time of the simulation; 0 stands for the usual flow"
     )
 
@@ -49,16 +49,18 @@ class FlowDependentDelay(_Timing):
         late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
         sizes = dict.fromkeys(cls.clipped("delay", samples * world.sample_time / swing) for samples in late)
         # Free, since else the response would take on its length an error of this flow.
-        return [cls.trial_at("delay", size, also=("neutral",), neutral=world.flow) for size in sizes]
+        return [
+            cls.trial_at("delay", size, also=("reference_flow",), reference_flow=world.flow) for size in sizes
+        ]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
-        neutral = min(max(self.neutral, low), high) if self.neutral else world.flow
+        reference_flow = min(max(self.reference_flow, low), high) if self.reference_flow else world.flow
         levels = np.linspace(low, high, LAYERS + 1)
         real = np.full(world.inflow.shape, low)
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             layer = np.clip(world.inflow, bottom, top) - bottom
-            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - neutral))
+            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - reference_flow))
         return Changes(inflow=real)
 
 

@@ -356,6 +356,26 @@ def test_what_cannot_be_simulated_is_a_step_refused():
         fit(Curve(two(), breaks=0.5), record)
 
 
+class Rippled(Curve):
+    """A curve with small errors that change with its parameters, as those of time steps do."""
+
+    def baseline(self, record, changes=NO_CHANGES):
+        a = self.parameters[0].value
+        return super().baseline(record) + 0.3 * np.sin(1e4 * a * record.outflow)
+
+    simulate = baseline
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_columns_are_not_updated_by_the_errors_of_short_steps(seed):
+    """Regression: columns were wrong by up to a hundred times, and standard errors with them."""
+    record = columns(np.random.default_rng(seed), 3, curvature=0.2)
+    found = fit(Rippled(two(), curvature=0.2), record, fresh=2, steps=30)
+    reach = found.model.reach
+    expected = reach.slopes(record, reach.baseline(record))
+    assert found.columns == pytest.approx(expected, abs=0.15)
+
+
 def test_limits_hold_and_the_rest_is_fitted():
     record = columns(np.random.default_rng(1), 5, noise=0.1)
     found = fit(Curve(two(high=1.5)), record)

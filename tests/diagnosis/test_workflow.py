@@ -701,6 +701,23 @@ def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_fron
     assert len(refitted(lead)) == 1
 
 
+def test_a_refit_from_its_own_response_replaces_an_explanation():
+    """The score of the first fit rests on columns of where it began."""
+    first = explained("leakage", 90.0, 0.5)
+    extended, again = explained("outflow_lag", 95.0, 0.5, parent=first), explained("leakage", 70.0, 0.5)
+    search = SimpleNamespace(
+        pool=[first, extended], score=lambda one: float(one.density[OPEN].sum()),
+        _fitted_on=lambda one, near: again,
+    )  # fmt: skip
+    search._better = lambda one, more: _Search._better(search, one, more)
+    assert _Search._polished(search, [first], extended) == [first]  # from another response
+    assert search.pool == [first, extended, again]
+    search.pool.pop()
+    assert _Search._polished(search, [first], first) == [again]
+    (extended, kept) = search.pool
+    assert kept is again and extended.parent is again
+
+
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     """Regression: the gauge's errors gave the lead 30 nats, and its twin none."""
     nothing = explained()
