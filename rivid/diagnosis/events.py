@@ -209,7 +209,7 @@ class Rows:
         while True:
             tried, likelier = pursue(
                 steps, c, lasts, unit, low, apart, self.kind.sign,
-                self.price + float(np.log(len(durations))), most, carried, timed, form.ends,
+                self._paid(form), most, carried, timed, form.ends,
             )  # fmt: skip
             early = [e for e in tried[len(old) :].tolist() if goes_on and 0.0 <= e[0] - before + day < n]
             there = [self._gain(found, d - 1, e[0] - before + day, e[1:3]) for e in early]
@@ -275,7 +275,11 @@ class Rows:
             )
             for d, x, D, size, variance in sorted(found.events)
         )  # fmt: skip
-        return Events(kind, events, coded, found.gain, self.price, form.rise * T)
+        return Events(kind, events, coded, found.gain, self._paid(form), form.rise * T)
+
+    def _paid(self, form: Form) -> float:
+        """Return the price of an event of a form: it also has one of the durations."""
+        return self.price + float(np.log(len(form.durations)))
 
     def _before(self, samples: float) -> int:
         """Return the number of starts before a row for events that last `samples`."""

@@ -29,6 +29,7 @@ from rivid.diagnosis.decision import (
 )
 from rivid.diagnosis.explanation import (
     FRESH,
+    RELIABLE,
     STEPS,
     Explanation,
     Way,
@@ -404,6 +405,7 @@ class _Search:
         tried += [one for one in _worth_trying(more) if all(one.kind != other.kind for other in tried)]
         dated = [one for one in self._dated(parent) if one.effect.name not in taken]
         first = self._grow(parent, [_near(one, record) for one in tried[:1]])
+        self._settle_failed(parent, tried[:1], first)
         if early and (again := self.again(parent)) is not parent:
             return self.extend(again, early=False)  # all others begin at the response of the first one
         gains = [self.score(more) - self.score(parent) for more in first if more is not None]
@@ -423,7 +425,9 @@ class _Search:
                 wanted.append(Way(name, events))
         # Pulses that enter measure the noise of pulses that leave, which pay for them.
         leaves = any(events.kind.sign < 0 for events in parent.events)
-        for way, made in zip(wanted, self._grow(parent, wanted), strict=True):
+        grown = self._grow(parent, wanted)
+        self._settle_failed(parent, tried, grown)
+        for way, made in zip(wanted, grown, strict=True):
             if made is not None and self.classes[way.name].found_as == "recession" and not leaves:
                 self._with_unknown_events(parent, PassingFlow)
             if made is not None and self.classes[way.name].found_as == "level noise":
@@ -505,6 +509,20 @@ class _Search:
         made = side_by_side(grown, wanted)
         self.pool += [more for more in made if more is not None]
         return made
+
+    def _settle_failed(
+        self, parent: Explanation, tried: Sequence[Candidate], made: Sequence[Explanation | None]
+    ) -> None:
+        """Settle the response with candidates that would lead if their fits gained what was expected."""
+        # A response that is bent by what is missing can be at a maximum that no step leaves: a fit then gives
+        # the effect up. Of the 21,769 nats of a clock 24 min late 1,784 were expected, and 88 gained.
+        for candidate, one in zip(tried, made, strict=False):
+            best = self.score(self.likeliest(parent)) - self.score(parent)
+            if one is None or candidate.effect.stepwise or candidate.worth <= best:
+                continue
+            if self.score(one) - self.score(parent) < RELIABLE * candidate.gain:
+                effects = *one.model.effects[:-1], candidate.make(1.0)
+                self._settled(replace(one, model=replace(one.model, effects=effects)))
 
     def _made_by(self, one: Explanation, way: Way | None) -> Explanation:
         """Return the explanation with its way, and the inflation of its scores along all columns."""
@@ -611,6 +629,7 @@ class _Search:
         more = self._fitted(replace(one, model=replace(one.model, reach=reach, noise=None)), None, FRESH)
         if more is None or self.score(more) <= self.score(one):
             return one
+        more = self._made_by(more, one.way)
         self.pool.append(more)
         return more
 
@@ -626,6 +645,7 @@ class _Search:
             if more is None or near not in (None, one):
                 better.append(self._better(one, more))
                 continue
+            more = self._made_by(more, one.way)
             kept = (o for o in self.pool if o is not one)
             self.pool = [replace(o, parent=more) if o.parent is one else o for o in kept] + [more]
             better.append(more)

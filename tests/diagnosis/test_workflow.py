@@ -707,7 +707,7 @@ def test_a_refit_from_its_own_response_replaces_an_explanation():
     extended, again = explained("outflow_lag", 95.0, 0.5, parent=first), explained("leakage", 70.0, 0.5)
     search = SimpleNamespace(
         pool=[first, extended], score=lambda one: float(one.density[OPEN].sum()),
-        _fitted_on=lambda one, near: again,
+        _fitted_on=lambda one, near: again, _made_by=lambda one, way: one,
     )  # fmt: skip
     search._better = lambda one, more: _Search._better(search, one, more)
     assert _Search._polished(search, [first], extended) == [first]  # from another response
