@@ -227,6 +227,7 @@ def test_pulses_have_two_durations_or_one_each_where_they_need_them(seeds):
         lasts = np.array([e.duration_s for e in found.events])
         near = [np.abs(lasts / of - 1.0) < 0.15 for of in (1200.0, 6000.0)]
         assert np.mean(near[0] | near[1]) > 0.6 and min(near[0].mean(), near[1].mean()) > 0.2
+        assert found.price >= events.PRICE + np.log(2.0)  # each has one of two durations, or more
 
 
 @sizes("seeds", 1, 4)

@@ -622,7 +622,7 @@ def test_all_extensions_begin_at_the_response_to_which_the_first_one_moves(monke
             score=lambda one: float(one.density[OPEN].sum()),
             _grow=grow, _with_unknown=lambda parent: (parent, []), _library=lambda parent: None,
             _dated=lambda parent: [], _with_recurring=lambda *given: None,
-            _with_unknown_events=lambda *given: None,
+            _with_unknown_events=lambda *given: None, _settle_failed=lambda *given: None,
         )  # fmt: skip
         return _Search.extend(search, biased), grown
 
@@ -644,7 +644,7 @@ def test_pulses_that_enter_are_no_unknown_flow_beside_pulses_that_leave(monkeypa
     search = SimpleNamespace(
         record=pools.season(6, DAYS, (), T_S), classes={"rain_inflow": CATALOGUE["rain_inflow"]}, pool=[],
         extended=set(), again=lambda parent: parent, _grow=lambda parent, ways: [parent for _ in ways],
-        score=lambda one: 0.0,
+        score=lambda one: 0.0, _settle_failed=lambda *given: None,
         _with_unknown=lambda parent: (parent, []), _library=lambda parent: SimpleNamespace(kernels=None),
         _dated=lambda parent: [], _with_recurring=lambda *given: None,
         _with_unknown_events=lambda parent, effect, *more: tried.append(effect),
@@ -699,6 +699,31 @@ def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_fron
     assert refitted(lead)[1] == (better, 1, ENOUGH)
     better = explained("outflow_lag", 40.0, 0.5)
     assert len(refitted(lead)) == 1
+
+
+@pytest.mark.parametrize(
+    ("gained", "expected", "best", "settles"),
+    [(10.0, 100.0, 50.0, True), (30.0, 100.0, 50.0, False), (10.0, 100.0, 150.0, False)],
+)
+def test_a_candidate_whose_fit_gives_it_up_settles_if_it_could_lead(gained, expected, best, settles):
+    """Regression: a clock 24 min late for four weeks was no gap."""
+    parent, clock = explained(), CATALOGUE["clock_offset"]
+    one = explained("clock_offset", TEMPER * gained, parent=parent)
+    one = replace(one, model=Model(MODEL.reach, None, 0.0, 0.0, 0.0, (clock(offset=-100.0),), ((),)))
+    candidate = SimpleNamespace(
+        effect=clock(offset=-1200.0), gain=expected, worth=expected - 5.0,
+        make=lambda share: clock(offset=-1200.0 * share),
+    )  # fmt: skip
+    settled = []
+    search = SimpleNamespace(
+        score=lambda one: float(one.density[OPEN].sum()), _settled=settled.append,
+        likeliest=lambda parent: explained("leakage", TEMPER * best, parent=parent),
+    )  # fmt: skip
+    _Search._settle_failed(search, parent, [candidate], [one])
+    assert [one.model.effects[0].offset for one in settled] == [-1200.0] * settles
+    settled.clear()
+    _Search._settle_failed(search, parent, [candidate], [None])
+    assert not settled
 
 
 def test_a_refit_from_its_own_response_replaces_an_explanation():
