@@ -9,7 +9,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
+from rivid.diagnosis.decision import ALONE, TEMPER, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
@@ -46,6 +46,7 @@ RISE, AFTER = 1800.0, 3600.0  # longest duration of a step, and time after its e
 NIGHT = (22.0, 6.0)  # start and end of the night [h]
 PLACED = ("starts", "place", "per_day", "per_month", "rise")
 """Parameters that set where and when an effect acts; they are not reported as estimates."""
+WIDER = TEMPER**-0.5  # factor of standard errors: the likelihood counts with the exponent of probabilities
 MANY = 12  # most values of a parameter reported one by one [-]; of more, median and 95 % range are reported
 
 
@@ -290,7 +291,8 @@ def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
     """Return standard errors of the free values of an effect of the last explanation."""
     # A stepwise parameter has no influence between two commands, which adds to its standard error, or is all
     # of it where it is not free.
-    errors, effect = study.last.errors_of(index), study.last.effects[index]
+    errors = {key: WIDER * error for key, error in study.last.errors_of(index).items()}
+    effect = study.last.effects[index]
     for key in effect.stepwise:
         between = command_steps(study.record)[0] / np.sqrt(12.0)
         errors[key, None] = float(np.hypot(errors.get((key, None), 0.0), between))
@@ -314,7 +316,7 @@ def _parameters(
         for k, one in enumerate(values):
             error = errors.get((name, k if isinstance(value, tuple) else None), np.nan)
             if len(events) == len(values) and np.isclose(abs(one), abs(events[k].size)):
-                error = events[k].size_se
+                error = WIDER * events[k].size_se
             label = f"{name}[{k}]" if len(values) > 1 else name
             low, high = one - quantile * error, one + quantile * error
             if name != "hour":  # it continues at midnight
@@ -332,7 +334,7 @@ def _quantile(study: Study) -> float:
 
 def _estimates(study: Study) -> tuple[Estimate, ...]:
     """Return the parameters of the response with 95 % intervals."""
-    spreads = (_quantile(study) * study.last.standard_errors).tolist()
+    spreads = (_quantile(study) * WIDER * study.last.standard_errors).tolist()
     return tuple(
         Estimate(p.name, p.natural, p.unit, p.to_natural(p.value - spread), p.to_natural(p.value + spread))
         for p, spread in zip(study.last.model.reach.parameters, spreads, strict=False)
