@@ -11,6 +11,9 @@ from rivid.types import DAY, HOUR, Floats
 
 LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
+MOST_REFERENCE = 2.0
+"""Largest reference flow of these delays, over the usual flow. Where the response has a free delay, data do not
+determine the reference, and a fit would move it anywhere; it is the same on all days of a record."""
 
 
 class _Timing(Effect):
@@ -55,12 +58,12 @@ class FlowDependentDelay(_Timing):
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
-        reference_flow = min(max(self.reference_flow, low), high) if self.reference_flow else world.flow
+        reference = min(self.reference_flow or world.flow, MOST_REFERENCE * world.flow)
         levels = np.linspace(low, high, LAYERS + 1)
         real = np.full(world.inflow.shape, low)
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             layer = np.clip(world.inflow, bottom, top) - bottom
-            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - reference_flow))
+            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - reference))
         return Changes(inflow=real)
 
 
