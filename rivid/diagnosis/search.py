@@ -81,7 +81,10 @@ class Library:
         def hourly(place: str) -> Any:
             return np.asarray(hour_columns(record, kernels[place]), np.float32)
 
-        for trial in (trial for effect in able for trial in effect.trials(world)):
+        of_response = {p.name for p in model.reach.parameters}
+        for effect, trial in ((kind, trial) for kind in able for trial in kind.trials(world)):
+            free = tuple(k for k in trial.free if effect.held_by.get(k) not in of_response)
+            trial = replace(trial, free=free)
             if trial.hourly:
                 trials.append((trial, hourly(trial.hourly)))
                 continue

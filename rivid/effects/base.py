@@ -145,6 +145,8 @@ class Effect(ABC):
     #: search of the diagnosis that finds it, in addition to its trials. Recessions, pulses and jumps are
     #: events and need :meth:`from_events`; the others set the parameters of `wind_setup` and `seiche`
     found_as: ClassVar[FoundAs] = ""
+    #: parameters that are not fitted beside a parameter of the response, by its name
+    held_by: ClassVar[dict[str, str]] = {}
     #: effects with nearly the same column: when one is in the model, its remainder is not named another
     twins: ClassVar[tuple[str, ...]] = ()
     #: parameters that it is proportional to, and the small value of each at which its column is computed

@@ -11,9 +11,6 @@ from rivid.types import DAY, HOUR, Floats
 
 LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
-MOST_REFERENCE = 2.0
-"""Largest reference flow of these delays, over the usual flow. Where the response has a free delay, data do not
-determine the reference, and a fit would move it anywhere; it is the same on all days of a record."""
 
 
 class _Timing(Effect):
@@ -24,7 +21,7 @@ class _Timing(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class FlowDependentDelay(_Timing):
-    """``a flow Q comes delay (Q - reference_flow) later``.
+    """``a flow Q comes delay (Q - reference usual flow) later``.
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
     a rise becomes steeper (`delay` negative) or flatter.
@@ -32,6 +29,7 @@ class FlowDependentDelay(_Timing):
 
     name = "flow_dependent_delay"
     windowed = False
+    held_by = {"reference": "delay"}
     sentence = "High water travels faster, or slower, than low water; the fitted delay is the usual flow's."
     looks = (
         "At high flow the level moves before its time, at low flow after it (delay below zero; above zero "
@@ -42,8 +40,8 @@ class FlowDependentDelay(_Timing):
         -0.5, "s per m3/s", -100.0, 100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
     )  # fmt: skip
-    reference_flow: float = quantity(
-        0.0, "m3/s", 0.0, 1e6, "flow with the travel time of the simulation; 0 stands for the usual flow"
+    reference: float = quantity(
+        1.0, "-", 0.0, 2.0, "flow with the travel time of the simulation, over the usual flow"
     )
 
     @classmethod
@@ -51,14 +49,12 @@ class FlowDependentDelay(_Timing):
         swing = max(float(np.quantile(np.abs(world.inflow - world.flow), 0.9)), 1e-9)
         late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
         sizes = dict.fromkeys(cls.clipped("delay", samples * world.sample_time / swing) for samples in late)
-        # Free, since else the response would take on its length an error of this flow.
-        return [
-            cls.trial_at("delay", size, also=("reference_flow",), reference_flow=world.flow) for size in sizes
-        ]
+        # The reference is free, since otherwise a channel would change its length for it.
+        return [cls.trial_at("delay", size, also=("reference",)) for size in sizes]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
-        reference = min(self.reference_flow or world.flow, MOST_REFERENCE * world.flow)
+        reference = self.reference * world.flow
         levels = np.linspace(low, high, LAYERS + 1)
         real = np.full(world.inflow.shape, low)
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
