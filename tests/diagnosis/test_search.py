@@ -34,6 +34,7 @@ from rivid.effects import CATALOGUE, Trial
 from rivid.effects.level import UnknownSwing
 from tests.diagnosis import pools
 from tests.diagnosis.answers import record_of
+from tests.diagnosis.responses import few, season
 
 RIVER = NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 7200.0, 3600.0, None)
 RECORD = record_of(days=16, n=24, kind="river")
@@ -355,6 +356,17 @@ def test_the_gain_of_a_lasting_flow_is_that_of_its_fit_though_weather_has_taken_
     quiet = pools.season(3, days=30)
     parent = pools.explained(quiet)
     assert all(one.worth < 8.0 for one in screened_again(parent, [], columns, quiet))
+
+
+def test_a_delay_of_the_response_and_the_reference_of_a_delay_are_not_both_fitted():
+    """Regression: along both, which flows do not separate, a river's days were predicted far off."""
+    late = {"flow_dependent_delay": CATALOGUE["flow_dependent_delay"]}
+    store, channel = pools.season(3, days=3), season(3, days=3)
+    for record, response, free in (
+        (store, pools.nominal(store), ("delay",)), (channel, few(channel), ("delay", "reference")),
+    ):  # fmt: skip
+        trials = Library.of(pools.model_of(record, response), record, late).trials
+        assert trials and all(trial.free == free for trial, _ in trials)
 
 
 def test_what_an_explanation_gains_itself_is_no_gain_of_a_candidate():
