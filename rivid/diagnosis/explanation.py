@@ -316,6 +316,9 @@ def fitted(
         damping = LEAST_DAMPING
     if not exact:
         model, base, defect = carried()
+    # Not as updated along the steps: after a short step such an update is mostly numerical error.
+    if shared is not None:
+        columns = model.jacobian(few, base - defect, shared[:, open_days])
     z = residual_of(few, base) - fixed
     noise, weights = _noise(model, few, left_by(base), weights, alone=quick)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
@@ -326,7 +329,6 @@ def fitted(
         other_J = model.jacobian(rest, base - more, None if shared is None else shared[:, sealed])
     else:
         left, other_J, more = z[:0], J[:, :0], defect[:0]
-    # not as updated along the steps: after a short step such an update is mostly numerical error
     whole = np.zeros(record.days)
     whole[open_days] = weights
     if shared is None:
