@@ -21,7 +21,7 @@ class _Timing(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class FlowDependentDelay(_Timing):
-    """``a flow Q comes delay (Q - reference usual flow) later``.
+    """``a flow Q comes delay (Q - reference x usual flow) later``.
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
     a rise becomes steeper (`delay` negative) or flatter.
