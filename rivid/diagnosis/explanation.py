@@ -317,6 +317,7 @@ def fitted(
     if not exact:
         model, base, defect = carried()
     # Not as updated along the steps: after a short step such an update is mostly numerical error.
+    del J
     if shared is not None:
         columns = model.jacobian(few, base - defect, shared[:, open_days])
     z = residual_of(few, base) - fixed
@@ -328,7 +329,7 @@ def fitted(
         left = residual_of(rest, base) - coded[sealed]
         other_J = model.jacobian(rest, base - more, None if shared is None else shared[:, sealed])
     else:
-        left, other_J, more = z[:0], J[:, :0], defect[:0]
+        left, other_J, more = z[:0], columns[:, :0], defect[:0]
     whole = np.zeros(record.days)
     whole[open_days] = weights
     if shared is None:

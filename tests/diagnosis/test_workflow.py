@@ -702,7 +702,7 @@ def test_a_rival_is_refitted_as_long_as_its_steps_can_still_bring_it_to_the_fron
 
 
 @pytest.mark.parametrize(("gained", "settles"), [(10.0, True), (30.0, False)])
-def test_a_candidate_whose_fit_gives_it_up_settles(gained, settles):
+def test_a_candidate_settles_if_its_fit_gives_it_up(gained, settles):
     """Regression: a clock 24 min late for four weeks was no gap."""
     parent, clock = explained(), CATALOGUE["clock_offset"]
     one = explained("clock_offset", TEMPER * gained, parent=parent)
@@ -714,8 +714,7 @@ def test_a_candidate_whose_fit_gives_it_up_settles(gained, settles):
     search = SimpleNamespace(
         score=lambda one: float(one.density[OPEN].sum()), _settled=lambda *given: settled.append(given)
     )
-    _Search._settle_failed(search, parent, [candidate], [one])
-    _Search._settle_failed(search, parent, [candidate], [None])
+    _Search._settle_failed(search, parent, candidate, one)
     assert len(settled) == settles
     for again, lacking in settled:
         assert again.model.effects[0].offset == -1200.0 and lacking == pytest.approx(100.0 - gained)
