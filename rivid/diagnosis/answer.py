@@ -28,7 +28,7 @@ from rivid.diagnosis.result import (
     Where,
 )
 from rivid.diagnosis.search import command_steps
-from rivid.diagnosis.spectrum import SHORTEST, rhythm, spectrum
+from rivid.diagnosis.spectrum import rhythm, spectrum
 from rivid.effects import Effect
 from rivid.text import duration, shown_in
 from rivid.types import HOUR, Bools, Floats
@@ -37,6 +37,7 @@ MOST = 0.5
 """Share of the squared error beyond the noise above which "no_gap" is no verdict. Two of 24 development
 seasons of 40 days with nothing hidden exceed it, and four :data:`rivid.diagnosis.decision.MATERIAL`, counted
 when an excess in a single block was enough."""
+SHORT = 2 * HOUR  # period below which an oscillation is none of the hours of the day
 LEAST_RATIO = 3.0
 """Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
 FILLED = 0.5  # share of the time from the first pulse to the last above which pulses are no separate events
@@ -411,16 +412,17 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
             windows, place = ((min(d[0] for d in dates), max(d[1] for d in dates)),), None
     within = np.array([not windows or any(a <= day <= b for a, b in windows) for day in record.dates])
     used = record.used & within[:, None]
-    slow = rhythm(w, used, record.time)
+    slow = rhythm(innovations, used, record.time)
     if slow is not None:
-        hours, to = slow.period / HOUR, slow.resolution / HOUR
-        found.append(f"a rhythm with a period of {hours:.3g} h (to {to:.2g} h)")
+        unit, name = (HOUR, "h") if slow.period > SHORT else (60.0, "min")
+        lasts, to = slow.period / unit, slow.resolution / unit
+        found.append(f"a rhythm with a period of {lasts:.3g} {name} (to {to:.2g} {name})")
     # of all days if those within have no weight, or too few samples
     lines = (spectrum(innovations, days, record.sample_time, last.weights) for days in (used, record.used))
     period, ratio, limit = next((line for line in lines if line is not None), (0.0, 0.0, np.inf))
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
-    short = slow is None or period < SHORTEST  # a longer period repeats `slow`
+    short = slow is None or slow.period > SHORT > period  # another one repeats `slow`
     swing = ratio > max(limit, LEAST_RATIO) and not known and short
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")

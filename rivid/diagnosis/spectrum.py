@@ -1,8 +1,9 @@
-"""Periodic components that the model lacks: spectrum of the innovations compared with its bootstrap.
+"""Periodic components that the model lacks, in the innovations: swings of any phase, and rhythms.
 
 Innovations of a correct model are white with variance 1, so the parametric bootstrap does not depend on the
 reach: days of independent normal numbers with the same missing samples and weights. Every day is a segment,
-and periodograms are averaged, as the phase of a seiche is not kept from day to day.
+and periodograms are averaged, as the phase of a seiche is not kept from day to day. A rhythm keeps its phase:
+it is a line in the spectrum of the whole record, from days down to a few samples.
 """
 
 from typing import Any, NamedTuple
@@ -10,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import rfft
+from scipy.ndimage import median_filter
 
-from rivid.types import DAY, Bools, Floats
+from rivid.types import DAY, Bools, Floats, Ints
 
 KNOTS = 24
 """Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
@@ -51,16 +53,15 @@ def spectrum(
     return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-int(level * (draws + 1))])
 
 
-BIN = 1800.0
-"""Length of the averages of a series in which a rhythm is sought [s], or one sample if this is longer."""
-BINS = 4.0  # averages in the shortest period of a rhythm
-SHORTEST = BINS * BIN  # shortest period of a rhythm [s]
+SHORTEST = 2.2  # shortest period of a rhythm [samples]
+FINER = 8  # places for each sample: those of a day are in step with no other day's
 CYCLES = 3.0  # fewest cycles of a period in a record
 CHANCE = 0.01  # probability that a series without a rhythm shows one
-RHYTHM_DRAWS = 200  # draws of white noise: they give a probability of 1 % to within 0.7 %
-HARMONICS = range(2, 13)
-"""A line is taken as that of a period this number of times as long if there is a line too: pulses of two
-hours a day have twelve."""
+AROUND = 60  # most lines to either side of one that give its surroundings: a damped oscillation is wider
+PER_LINE = 3.0  # lines of the padded spectrum under a Hann window that have the information of one
+MULTIPLES = 0.5
+"""Share of the multiples of a frequency, up to the strongest line, that are lines: above it the frequency is
+the fundamental. Short pulses have dozens."""
 
 
 class Rhythm(NamedTuple):
@@ -75,45 +76,62 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     """Return the strongest line of a record, a series (days, n) at times on one clock [s], or None.
 
     A sample that occurs twice, as in lead times, must be used once only. A line exceeds the multiple of the
-    local median that white noise with the same gaps exceeds with the probability :data:`CHANCE`.
+    local median that white noise exceeds with the probability :data:`CHANCE`.
     """
-    there = np.asarray(used, bool)
-    clock = np.asarray(time, float)
-    at, y = clock[there], np.asarray(series, float)[there]
-    if not len(at):
-        return None
-    step = float(np.diff(clock[0]).max(initial=BIN))
-    bins = ((at - at.min()) // step).astype(np.intp)
-    counts = np.bincount(bins)
-    m = len(counts)
-    means = np.bincount(bins, y) / np.maximum(counts, 1)
-    frequency = np.arange(m + 1) / (2.0 * m * step)
-    kept = (frequency >= CYCLES / (m * step)) & (frequency <= 1.0 / (BINS * step))
-    if kept.sum() < 2 * NEAREST:
+    there, clock = np.asarray(used, bool), np.asarray(time, float)
+    both = there[:, 1:] & there[:, :-1]
+    if not both.any():
         return None
     # Remove the memory of weather, so that the spectrum is flat about a line.
-    both = (counts[1:] > 0) & (counts[:-1] > 0)
-    y = np.where(counts > 0, means - means[counts > 0].mean(), 0.0)
-    kept_on = float((y[1:] * y[:-1])[both].sum() / max((y[:-1][both] ** 2).sum(), 1e-300))
-    steps = np.where(both, y[1:] - kept_on * y[:-1], 0.0)
-    white = np.random.default_rng(0).standard_normal((RHYTHM_DRAWS, m - 1)) * both
-    levels = np.concatenate([steps[None], white])
-    powers = abs(rfft(levels * np.hanning(m - 1), 2 * m, axis=1)[:, kept]) ** 2
-    ratios = powers / np.maximum(_local_median(powers), 1e-300)
-    frequency, ratio = frequency[kept], ratios[0]
-    limit = float(np.quantile(ratios[1:].max(axis=1), 1.0 - CHANCE))
-    best = int(np.argmax(ratio))
-    if ratio[best] <= limit:
+    y = np.where(there, np.asarray(series, float), 0.0)
+    y = np.where(there, y - y[there].mean(), 0.0)
+    kept_on = float((y[:, 1:] * y[:, :-1])[both].sum() / max((y[:, :-1][both] ** 2).sum(), 1e-300))
+    at, left = clock[:, 1:][both], (y[:, 1:] - kept_on * y[:, :-1])[both]
+    step, span = float(clock[0, 1] - clock[0, 0]), float(np.ptp(at))
+    m = max(round(FINER * span / step), 1)
+    line = np.bincount(np.rint((at - at.min()) * (m / max(span, step))).astype(np.intp), left * _hann(at))
+    many = int(2.0 * span / (SHORTEST * step)) + 1
+    frequency = np.arange(many) / (2.0 * max(span, step))
+    first = int(np.ceil(2.0 * CYCLES))
+    if many - first < 2 * NEAREST:
         return None
-    found = frequency[best]
-    for times in HARMONICS:
-        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * step)
-        if (ratio[near] > limit).any():
-            best = int(np.argmax(np.where(near, ratio, 0.0)))
-    low, top, high = np.log(powers[0][np.clip([best - 1, best, best + 1], 0, len(frequency) - 1)])
+    power = np.asarray(abs(rfft(line, 2 * m)[first:many]) ** 2, float)
+    frequency = frequency[first:]
+    reach = np.clip(np.rint(span * frequency), NEAREST, AROUND).astype(np.intp)
+    ratio = power / np.maximum(_running_median(power, reach), 1e-300)
+    # Powers of white noise are exponential. The median of n of them has the relative variance of a gamma
+    # variable of the shape n ln2 ** 2: their ratio to it is a Pareto variable.
+    shape = np.log(2.0) ** 2 * 2.0 * reach / PER_LINE
+    log_chance = -shape * np.log1p(np.log(2.0) * ratio / shape)
+    clear = log_chance < np.log(CHANCE / len(power))
+    best = int(np.argmin(log_chance))
+    if not clear[best]:
+        return None
+    wide, place = np.convolve(clear, np.ones(3), "same") > 0.0, 2.0 * span * frequency[best]
+    fundamental = 1
+    for times in range(2, int(min(0.5 * place / CYCLES, wide.sum() / MULTIPLES)) + 1):
+        multiples = np.rint(place * np.arange(1, times + 1) / times).astype(np.intp)
+        if wide[multiples - first].mean() > MULTIPLES:
+            fundamental = times
+    low, top, high = np.log(power[np.clip([best - 1, best, best + 1], 0, len(power) - 1)])
     between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # vertex of a parabola through the line
-    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * step)))
-    return Rhythm(period, period**2 / (2.0 * m * step), m / BINS)
+    period = float(fundamental / (frequency[best] + 0.5 * np.clip(between, -0.5, 0.5) / span))
+    return Rhythm(period, 0.5 * period**2 / span, 0.5 * many)
+
+
+def _hann(at: Floats) -> Floats:
+    """Return the weights of times under a Hann window over all of them."""
+    return np.asarray(np.sin(np.pi * (at - at.min()) / max(float(np.ptp(at)), 1e-300)) ** 2)
+
+
+def _running_median(power: Floats, reach: Ints) -> Floats:
+    """Return the median of so many lines to either side of each; `reach` (m,) increases to a constant."""
+    m, wide = len(power), int(reach[-1])
+    near = np.flatnonzero(reach < wide)
+    out = median_filter(power, 2 * wide + 1, mode="reflect")
+    for k in near.tolist():
+        out[k] = np.median(power[max(k - reach[k], 0) : min(k + reach[k] + 1, m)])
+    return np.asarray(out, float)
 
 
 def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:

@@ -476,8 +476,8 @@ class _Search:
         flows: list[tuple[Effect, float]] = [(replace(daily, dates=d), price) for d, price in windows.items()]
         counted = self.record.used & self.opened[:, None]
         seen = np.where(counted, parent.residual, np.nan)
-        left, _ = parent.noise.smooth(seen, self.record.activity)
-        slow = rhythm(left, counted, self.record.time)
+        innovations = parent.noise.whiten(seen, activity=self.record.activity)
+        slow = rhythm(innovations, counted, self.record.time)
         if slow is not None and not any(abs(slow.period - DAY / k) <= slow.resolution for k in (1, 2, 3)):
             flows.append((replace(daily, period=slow.period / HOUR), -float(np.log(slow.many))))
         prior = self._prior(parent, 2)  # the flow, and its shape

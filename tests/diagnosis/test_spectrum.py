@@ -118,6 +118,31 @@ def test_a_rhythm_of_short_pulses_is_that_of_its_fundamental():
     assert found.period == pytest.approx(86_400.0, abs=found.resolution)
 
 
+@pytest.mark.parametrize("period", [927.3, 1033.1, 7000.0])
+def test_a_rhythm_of_minutes_is_found_though_the_samples_of_days_are_out_of_step(period):
+    """A sample time of 421 s is no part of a day, and the shortest of these periods has 2.2 samples."""
+    clock = 86_400.0 * np.arange(30)[:, None] + 421.0 * np.arange(205)
+    series = np.random.default_rng(0).standard_normal(clock.shape) + 0.5 * np.sin(
+        2.0 * np.pi * clock / period
+    )
+    found = rhythm(series, np.ones(clock.shape, bool), clock)
+    assert found.period == pytest.approx(period, abs=0.1 * found.resolution)
+
+
+@sizes("seasons", 5, 100)
+def test_a_damped_oscillation_is_no_rhythm(seasons):
+    """One of 75 min that loses its phase within half a day, three times as large as the noise."""
+    false = 0
+    for seed in range(seasons):
+        rng = np.random.default_rng(seed)
+        turn = np.exp((-1.0 / 14_400.0 + 2.0j * np.pi / 4500.0) * 900.0)
+        pushed = rng.standard_normal(RECORD.size) + 1.0j * rng.standard_normal(RECORD.size)
+        swing = lfilter([np.sqrt(1.0 - abs(turn) ** 2)], [1.0, -turn], pushed).real
+        series = rng.standard_normal(RECORD.size) + 3.0 * swing
+        false += rhythm(series.reshape(RECORD.shape), np.ones(RECORD.shape, bool), RECORD) is not None
+    assert false <= 0.01 * seasons + 3.0 * np.sqrt(0.01 * seasons)
+
+
 @sizes("seasons", 10, 300)
 def test_weather_has_a_rhythm_no_more_often_than_by_chance(seasons):
     false = sum(rhythm(*colored(seed), RECORD) is not None for seed in range(seasons))
