@@ -30,6 +30,7 @@ from rivid.diagnosis.result import (
 from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.spectrum import rhythm, spectrum
 from rivid.effects import Effect
+from rivid.effects.flow import RecurringFlow
 from rivid.text import duration, shown_in
 from rivid.types import HOUR, Bools, Floats
 
@@ -432,6 +433,9 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if not found:
         return None
     rms = float(np.sqrt(np.mean(w[used] ** 2)))
+    for effect in likeliest.model.effects if likeliest is not None else ():
+        if isinstance(effect, RecurringFlow):  # the weather of `w` is no part of it, or swings more slowly
+            rms = float(np.sqrt(0.5 * np.square(effect.waves).sum()))
     length = slow.period if slow is not None else period if swing else None
     where = Where() if not windows else Where(
         dates=(windows[0][0], windows[-1][1]), regime=f"at {len(windows)} times" if windows[1:] else None

@@ -152,7 +152,17 @@ def test_a_flow_that_returns_with_a_period_of_its_own_is_unknown_with_that_perio
     result, _ = answer(season(hidden), "diurnal_inflow", "lateral_inflow")
     assert result.verdict == "unknown" and not result.effects, result.reason
     assert "a rhythm with a period of 7.3 h" in result.reason
+    assert result.unknown.size_m3s == pytest.approx(np.sqrt((8.0**2 + 3.0**2) / 2.0), rel=0.15)
     assert result.ranking[0].unknown == "flow" and result.ranking[0].probability > 0.9
+
+
+def test_a_governor_that_hunts_is_unknown_with_its_period_and_size():
+    """A late gate or a flow that follows the level would compensate for a swing that the level repeats."""
+    hidden = RecurringFlow(waves=(25.0, 0.0, 0.0, 0.0, 0.0, 0.0), period=1700.0 / 3600.0)
+    result, _ = answer(season(hidden), "outflow_lag", "gate_head_effect")
+    assert result.verdict == "unknown" and not result.effects, result.reason
+    assert "a rhythm with a period of 28.3 min" in result.reason
+    assert result.unknown.size_m3s == pytest.approx(25.0 / np.sqrt(2.0), rel=0.15)
 
 
 LOCK = CATALOGUE["unlogged_downstream_release"](size=60.0, per_day=2.0, duration=1.0)
