@@ -28,7 +28,8 @@ from rivid.diagnosis.result import (
     Where,
 )
 from rivid.diagnosis.search import command_steps
-from rivid.diagnosis.spectrum import rhythm, spectrum
+from rivid.diagnosis.seiche import highest_peak
+from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import Effect
 from rivid.effects.flow import RecurringFlow
 from rivid.text import duration, shown_in
@@ -39,7 +40,7 @@ MOST = 0.5
 seasons of 40 days with nothing hidden exceed it, and four :data:`rivid.diagnosis.decision.MATERIAL`, counted
 when an excess in a single block was enough."""
 SHORT = 2 * HOUR  # period below which an oscillation is none of the hours of the day
-LEAST_RATIO = 3.0
+LEAST_HEIGHT = 3.0
 """Smallest ratio of a reported spectral peak to its surroundings; any response's error gives low humps."""
 FILLED = 0.5  # share of the time from the first pulse to the last above which pulses are no separate events
 LEAST_P = 0.01  # largest p-value at which the location of the remainder is reported
@@ -418,13 +419,15 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
         unit, name = (HOUR, "h") if slow.period > SHORT else (60.0, "min")
         lasts, to = slow.period / unit, slow.resolution / unit
         found.append(f"a rhythm with a period of {lasts:.3g} {name} (to {to:.2g} {name})")
-    # of all days if those within have no weight, or too few samples
-    lines = (spectrum(innovations, days, record.sample_time, last.weights) for days in (used, record.used))
-    period, ratio, limit = next((line for line in lines if line is not None), (0.0, 0.0, np.inf))
+    # of all days if too few are within
+    peaks = (
+        highest_peak(innovations, days, last.weights, record.sample_time) for days in (used, record.used)
+    )
+    period, height = next((peak for peak in peaks if peak is not None), (0.0, 0.0))
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
     short = slow is None or slow.period > SHORT > period  # another one repeats `slow`
-    swing = ratio > max(limit, LEAST_RATIO) and not known and short
+    swing = height > LEAST_HEIGHT and not known and short
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
@@ -433,7 +436,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if not found:
         return None
     rms = float(np.sqrt(np.mean(w[used] ** 2)))
-    for effect in likeliest.model.effects if likeliest is not None else ():
+    for effect in likeliest.effects if likeliest is not None else ():
         if isinstance(effect, RecurringFlow):  # the weather of `w` is no part of it, or swings more slowly
             rms = float(np.sqrt(0.5 * np.square(effect.waves).sum()))
     length = slow.period if slow is not None else period if swing else None

@@ -31,6 +31,10 @@ LEAST_CONTRAST = 4.0
 """Smallest ratio of the power at the peak to that without a seiche: the error of a poor response has less."""
 LEAST_PEAK = 2.0
 """Smallest height of the highest peak of the mean periodogram over its surroundings for a fit to start."""
+FEWEST, FEWEST_DAYS = 30, 5
+"""Samples of a day, and days, of which the mean periodogram is searched. Of white noise with 400 or 1,440
+samples a day, the highest peak is three times as high as its surroundings in 0.3 or 0.7 % of cases with five
+days, and in 2 or 3 % with four."""
 PRESENT = 0.8  # least share of the days on which a seiche must gain
 STEADY = 4.0 / 3.0
 """Largest factor between the power of the swing in the third of the samples with the quietest flows and that
@@ -132,6 +136,23 @@ def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
     height = smooth[able] / np.maximum(around, 1e-12)
     top = int(np.argmax(height))
     return float(periods[able[top]]), len(able), float(height[top])
+
+
+def highest_peak(
+    innovations: Floats, used: Bools, weights: Floats, sample_time: float
+) -> tuple[float, float] | None:
+    """Return period [s] and height over its surroundings of the highest peak in days with a weight.
+
+    Their periodograms are averaged, with the same mean for each, so that no day dominates; None of fewer than
+    :data:`FEWEST_DAYS` with :data:`FEWEST` samples.
+    """
+    chosen = (weights > 0.0) & (used.sum(axis=1) >= max(FEWEST, used.shape[1] // 2))
+    if chosen.sum() < FEWEST_DAYS:
+        return None
+    power = periodograms(innovations[chosen], used[chosen])
+    mean = (power / power.mean(axis=1, keepdims=True)).mean(axis=0)
+    period, _, height = _highest(mean, innovations.shape[1], sample_time)
+    return period, height
 
 
 def _in_quiet(record: Record, seen: Floats, noise: NoiseModel, period: float) -> float:

@@ -1,58 +1,18 @@
-"""Periodic components that the model lacks, in the innovations: swings of any phase, and rhythms.
+"""Rhythms that the model lacks: lines in the spectrum of a whole record, from days down to a few samples.
 
-Innovations of a correct model are white with variance 1, so the parametric bootstrap does not depend on the
-reach: days of independent normal numbers with the same missing samples and weights. Every day is a segment,
-and periodograms are averaged, as the phase of a seiche is not kept from day to day. A rhythm keeps its phase:
-it is a line in the spectrum of the whole record, from days down to a few samples.
+A rhythm keeps its phase from day to day, unlike a seiche (:mod:`rivid.diagnosis.seiche`).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import rfft
 from scipy.ndimage import median_filter
 
-from rivid.types import DAY, Bools, Floats, Ints
+from rivid.types import Floats, Ints
 
-KNOTS = 24
-"""Frequencies at which the local median is computed; its logarithm is interpolated linearly between them."""
-NEAREST = 12  # smallest number of frequencies on either side in a local median, if there are as many
-FEWEST = 30  # samples below which a day has no spectrum
-
-
-def spectrum(
-    innovations: Floats, used: Bools, sample_time: float, weights: Floats, *, level: float = 0.01,
-    draws: int = 199, seed: int = 0,
-) -> tuple[float, float, float] | None:  # fmt: skip
-    """Find the largest line in the spectrum of innovations (days, n): period [s], ratio, and its limit.
-
-    The ratio is its power over the local median; white innovations exceed the limit with the probability
-    `level`. Days are averaged by their weights (days,). Returns None if no day with a weight has
-    :data:`FEWEST` used samples.
-    """
-    rows = (used.sum(1) >= FEWEST) & (weights > 0.0)
-    if not rows.any():
-        return None
-    r, there = np.where(used, innovations, 0.0)[rows], used[rows]
-    weight = weights[rows] / weights[rows].sum()
-    n = r.shape[1]
-    white = np.random.default_rng(seed)
-    quiet = np.stack([
-        _power(white.standard_normal(r.shape, np.float32), there.astype(np.float32), weight)
-        for _ in range(draws)
-    ])  # fmt: skip
-    frequency = np.arange(quiet.shape[1]) / (2 * n * sample_time)
-    kept = (frequency >= 0.999 / min(DAY, n * sample_time)) & (frequency <= 0.5 / sample_time)
-    # The day's mean is removed and gaps smear: the bootstrap gives the expected power at each frequency.
-    expected = quiet[:, kept].mean(0)
-    powers = np.concatenate([_power(r, there.astype(float), weight)[None], quiet])[:, kept] / expected
-    ratio, *others = powers / _local_median(powers)
-    peak = int(np.argmax(ratio))
-    largest = np.sort(np.max(others, axis=1))
-    return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-int(level * (draws + 1))])
-
-
+NEAREST = 12  # fewest lines to either side of one that give its surroundings
 SHORTEST = 2.2  # shortest period of a rhythm [samples]
 FINER = 8  # places for each sample: those of a day are in step with no other day's
 CYCLES = 3.0  # fewest cycles of a period in a record
@@ -132,27 +92,3 @@ def _running_median(power: Floats, reach: Ints) -> Floats:
     for k in near.tolist():
         out[k] = np.median(power[max(k - reach[k], 0) : min(k + reach[k] + 1, m)])
     return np.asarray(out, float)
-
-
-def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
-    """Return the average periodogram of days (days, n) at frequencies k / (2 n T_s), under a Hann window."""
-    # Days have their mean subtracted and the mean square 1, so that no single day dominates.
-    n, many = r.shape[1], there.sum(1, keepdims=True)
-    z = (r - (r * there).sum(1, keepdims=True) / many) * there
-    z /= np.sqrt(np.maximum((z * z).sum(1, keepdims=True) / many, 1e-30))
-    window = np.hanning(n).astype(r.dtype)
-    lines = rfft(z * window, 2 * n, axis=1)
-    share = weight / np.maximum((there * window**2).sum(1), 1e-30)
-    return np.asarray(share @ (lines.real**2 + lines.imag**2), float)
-
-
-def _local_median(power: NDArray[Any]) -> Floats:
-    """Return the running median over half to twice each frequency; power is (draws, m), evenly spaced."""
-    m = power.shape[1]
-    at = np.unique(np.geomspace(1, m, KNOTS).astype(int)) - 1
-    low = np.clip(np.minimum(at // 2, at - NEAREST), 0, None)
-    high = np.clip(np.maximum(2 * at, at + NEAREST), None, m - 1)
-    windows = zip(low, high, strict=True)
-    medians = np.stack([np.median(power[:, a : b + 1], axis=1) for a, b in windows], axis=1)
-    between = [np.interp(np.log1p(np.arange(m)), np.log1p(at), row) for row in np.log(medians)]
-    return np.exp(between)

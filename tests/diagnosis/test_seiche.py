@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.seiche import LEAST_DAMPING, fit_seiche, periodograms, spectrum_of, through_filter
+from rivid.diagnosis.seiche import (
+    FEWEST_DAYS,
+    LEAST_DAMPING,
+    fit_seiche,
+    highest_peak,
+    periodograms,
+    spectrum_of,
+    through_filter,
+)
 from rivid.effects import CATALOGUE
 from rivid.effects.level import covariance
 from tests.diagnosis import sizes
@@ -103,3 +111,47 @@ def test_a_steady_oscillation_has_no_damping():
     t = np.arange(30)[:, None] * 86_400.0 + T * np.arange(N)
     swing, *_ = found(residual(rng, 30, 0.01 * np.sin(2 * np.pi * t / 2400.0)))
     assert swing.damping < LEAST_DAMPING and swing.period == pytest.approx(2400.0, rel=0.02)
+
+
+def white(seed, days=20, n=240):
+    """Return white innovations with gaps, and the mask of used samples."""
+    rng = np.random.default_rng(seed)
+    used = np.ones((days, n), bool)
+    used[:, :15] = False
+    used[-1, 3 * n // 5 :] = False
+    return rng.standard_normal((days, n)), used
+
+
+def test_a_swing_of_twenty_minutes_with_a_new_phase_each_day_is_the_highest_peak():
+    rng = np.random.default_rng(1)
+    for seed in range(2):
+        r, used = white(seed, days=60, n=600)
+        phase = rng.uniform(0, 2 * np.pi, (60, 1))
+        r += 0.3 * np.cos(2 * np.pi * np.arange(600) * T / 1200.0 + phase)
+        period, height = highest_peak(r, used, np.ones(60), T)
+        assert period == pytest.approx(1200.0, rel=0.01)
+        assert height > 4.0
+
+
+@sizes("seasons", 40, 400)
+def test_white_innovations_seldom_have_a_peak_three_times_as_high_as_its_surroundings(seasons):
+    weights = np.ones(FEWEST_DAYS)
+    high = sum(highest_peak(*white(seed, FEWEST_DAYS, 650), weights, T)[1] > 3.0 for seed in range(seasons))
+    assert high <= 0.01 * seasons + 3.0 * np.sqrt(0.01 * seasons)
+
+
+def test_scale_and_days_without_weight_do_not_change_the_highest_peak():
+    r, used = white(3)
+    weights = np.ones(20)
+    weights[4] = 0.0
+    once = highest_peak(r, used, weights, T)
+    r[4] = 1e6 * np.cos(np.arange(240))
+    assert highest_peak(7.0 * r, used, weights, T) == pytest.approx(once)
+
+
+def test_too_few_days_or_samples_have_no_peak():
+    r, used = white(0)
+    few = np.arange(20) < FEWEST_DAYS - 1
+    assert highest_peak(r, used, few.astype(float), T) is None
+    used[:, :-29] = False
+    assert highest_peak(r, used, np.ones(20), T) is None

@@ -1,79 +1,11 @@
-"""Test the spectrum of innovations against slow sums, days of white noise, and planted oscillations."""
+"""Test rhythms: planted lines, oscillations that lose their phase, and weather."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.diagnosis.spectrum import _power, rhythm, spectrum
+from rivid.diagnosis.spectrum import rhythm
 from tests.diagnosis import sizes
-
-T = 133.0
-ALIKE = np.ones(20)
-
-
-def white(seed, days=20, n=240):
-    """Return white innovations with gaps, and the mask of used samples."""
-    rng = np.random.default_rng(seed)
-    used = np.ones((days, n), bool)
-    used[:, :15] = False
-    used[3, n // 4 : n // 2] = used[-1, 5 * n // 6 :] = False
-    return rng.standard_normal((days, n)), used
-
-
-def test_the_average_periodogram_is_the_slow_sum():
-    r, used = white(0, days=4, n=40)
-    weight = np.array([0.1, 0.2, 0.3, 0.4])
-    power = _power(r, used.astype(float), weight)
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(40) / 39)
-    for k in (1, 7, 33):
-        total = 0.0
-        for d in range(4):
-            z = r[d, used[d]] - r[d, used[d]].mean()
-            z /= np.sqrt(np.mean(z**2))
-            w, t = window[used[d]], np.flatnonzero(used[d])
-            total += weight[d] * abs(np.sum(z * w * np.exp(-2j * np.pi * k * t / 80))) ** 2 / np.sum(w**2)
-        assert power[k] == pytest.approx(total, rel=1e-9)
-
-
-@sizes("seasons", 20, 200)
-def test_white_innovations_exceed_the_limit_at_its_level(seasons):
-    level = 0.1
-    above = 0
-    for seed in range(seasons):
-        _, ratio, limit = spectrum(*white(seed), T, ALIKE, level=level, draws=99, seed=seed + 1000)
-        above += ratio > limit
-    assert abs(above / seasons - level) <= 3 * np.sqrt(level * (1 - level) / seasons)
-
-
-def test_an_oscillation_of_twenty_minutes_with_a_new_phase_each_day_is_found():
-    rng = np.random.default_rng(1)
-    for seed in range(2):
-        r, used = white(seed, days=60, n=600)
-        phase = rng.uniform(0, 2 * np.pi, (60, 1))
-        r += 0.3 * np.cos(2 * np.pi * np.arange(600) * T / 1200.0 + phase)
-        period, ratio, limit = spectrum(r, used, T, np.ones(60), draws=99)
-        assert period == pytest.approx(1200.0, rel=0.01)
-        assert ratio > 2 * limit
-
-
-def test_scale_and_days_without_weight_change_nothing():
-    r, used = white(3)
-    weights = ALIKE.copy()
-    weights[4] = 0.0
-    once = spectrum(r, used, T, weights, draws=99)
-    r[4] = 1e6 * np.cos(np.arange(240))
-    again = spectrum(7.0 * r, used, T, weights, draws=99)
-    assert again == pytest.approx(once)
-
-
-def test_days_with_few_samples_or_no_weight_have_no_spectrum():
-    r, used = white(0)
-    assert spectrum(r, used, T, 0.0 * ALIKE) is None
-    used[:, :-29] = False
-    assert spectrum(r, used, T, ALIKE) is None
-
-
-# Rhythms of a whole record
 
 RECORD = (np.arange(60.0 * 96) * 900.0).reshape(60, 96)
 
