@@ -268,39 +268,47 @@ def strained(reach: Response) -> bool:
     return bool(chdtrc(len(off), off @ off) < STRAINED)
 
 
-def _lacking(model: Model, effect: Effect) -> Model:
-    """Return a model without one of its effects."""
-    kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if e is not effect]
+def _lacking(model: Model, effects: tuple[Effect, ...]) -> Model:
+    """Return a model without some of its effects."""
+    kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if _not_in(e, effects)]
     return replace(model, effects=tuple(e for e, _ in kept), free=tuple(names for _, names in kept))
 
 
-def errors_without(one: Explanation, effect: Effect, made: Floats, record: Record) -> DayErrors:
-    """Compute forecast errors without an effect that makes `made` (days, n) of the output."""
+def _not_in(one: Effect, effects: Sequence[Effect]) -> bool:
+    """Return whether an effect is none of some: two equal ones are two."""
+    return all(one is not other for other in effects)
+
+
+def errors_without(
+    one: Explanation, effects: tuple[Effect, ...], made: Floats, record: Record
+) -> DayErrors:  # fmt: skip
+    """Compute forecast errors without effects that make `made` (days, n) of the output."""
     noise, errors = one.noise, one.errors
-    if noise.recall < 1.0 and any(other is effect for other in one.model.effects):
+    if noise.recall < 1.0 and not all(_not_in(e, effects) for e in one.model.effects):
         # Level errors that decay with the effect, as with a leak, persist without it.
-        noise = replace(noise, recall=_lacking(one.model, effect).recall(record))
+        noise = replace(noise, recall=_lacking(one.model, effects).recall(record))
         errors = day_errors(record, one.predicted, noise, HORIZONS)
     seen = np.where(np.isfinite(one.residual), made, np.nan)
     more = day_errors(record, seen, noise, HORIZONS)
     return errors._replace(squares=errors.squares + more.squares)
 
 
-def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
-    """Compute the part of an effect's output that no other parameter can reproduce, shape (days, n).
+def made_alone(one: Explanation, effects: tuple[Effect, ...], record: Record) -> Floats | None:
+    """Compute the part of the output of effects that no other parameter can reproduce, shape (days, n).
 
-    None if it is neither in the simulator nor an event, or if the reach cannot carry the flows without it.
+    None if none is in the simulator or an event, or if the reach cannot carry the flows without them.
     """
     model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
-    made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
-    if any(other is effect for other in model.effects):
+    parts = [f.coded for e, f in zip(coded, one.events, strict=True) if not _not_in(e, effects)]
+    if not all(_not_in(e, effects) for e in model.effects):
         try:
-            made = model.rough.baseline(record) - _lacking(model, effect).rough.baseline(record)
+            parts.append(model.rough.baseline(record) - _lacking(model, effects).rough.baseline(record))
         except RividError:
             return None
-    if made is None:
+    if not parts:
         return None
-    own = [model.effects[i] is not effect for i, _, _ in model.slots()]
+    made = sum(parts[1:], parts[0])
+    own = [_not_in(model.effects[i], effects) for i, _, _ in model.slots()]
     kept = np.array([True] * len(one.shared) + own)
     # All other parameters are fitted to the output by one Gauss-Newton step.
     white, columns = one.whitened(record)
@@ -321,8 +329,8 @@ class Study:
     extended: Container[tuple[str, ...]] = ()  # sorted names beside which further effects were tried
     found: dict[Explanation, Core] = field(default_factory=dict)  # results of :meth:`_given`
     late: dict[Explanation, tuple[Effect, ...]] = field(default_factory=dict)  # of :meth:`stand_ins`
-    # errors without the part of an effect that no other parameter can reproduce; for all studies of a search
-    without: dict[tuple[Explanation, Effect], DayErrors | None] = field(default_factory=dict)
+    # errors without the part of effects that no other parameter can reproduce; for all studies of a search
+    without: dict[tuple[Explanation, tuple[Effect, ...]], DayErrors | None] = field(default_factory=dict)
 
     @cached_property
     def first(self) -> Explanation:
@@ -437,13 +445,19 @@ class Study:
         if one.added is None:
             active = np.ones(len(self.opened), bool)
             return names, one.unknown if self._material(one, parent, active) else unknown
-        if self._adds(one, one.added, parent):
+        if self._adds(one, (one.added,), parent):
             names = (*names, one.added.name)
         # An effect may be material only beside the others: without them the response was biased.
         for effect in one.effects:
             known = effect.name in ("", *names) or effect is one.added or effect in self.start
-            if not known and not effect.found_as and self._adds(one, effect, self._less(one, effect)):
+            if not known and not effect.found_as and self._adds(one, (effect,), self._less(one, effect)):
                 names = (*names, effect.name)
+        # Delays on the same dates can reproduce each other, and be material together.
+        rest = [e for e in one.model.effects if _delays(e) and e.name not in names and e not in self.start]
+        for dates in {e.dates for e in rest if e.dates}:
+            pair = tuple(e for e in rest if e.dates == dates)
+            if len(pair) > 1 and self._adds(one, pair, self._less(one, *pair)):
+                names = (*names, *(e.name for e in pair))
         return names, unknown
 
     def stand_ins(self, one: Explanation) -> tuple[Effect, ...]:
@@ -456,7 +470,7 @@ class Study:
         names, unknown = self._given(one)
         opened = [self.record.dates[k] for k in np.flatnonzero(self.opened)]
         late = [e for e in one.model.effects if e.name in names and e not in self.start]
-        late = [e for e in late if e.family == "timing" or isinstance(e, StillingWell)]
+        late = [e for e in late if _delays(e)]
         inside = {  # boundaries inside the season, as numbers of open days before them
             e: {bisect_left(opened, e.dates[0]), bisect_right(opened, e.dates[1])} - {0, len(opened)}
             for e in (*late, *(e for e in one.model.effects if unknown and not e.name))
@@ -494,24 +508,25 @@ class Study:
         test = ttest_ind(left, means(now, outside), equal_var=False, alternative="greater")
         return bool(test.pvalue < DOUBT)
 
-    def _less(self, one: Explanation, effect: Effect) -> Explanation:
-        """Return the best explanation without an effect of `one`, with all or some of its other effects."""
-        others = Counter(one.names) - Counter([effect.name])
+    def _less(self, one: Explanation, *effects: Effect) -> Explanation:
+        """Return the best explanation without effects of `one`, with all or some of its other effects."""
+        others = Counter(one.names) - Counter(effect.name for effect in effects)
         able = (o for o in self.pool if Counter(o.names) <= others and o.unknown in ("", one.unknown))
         return max(able, key=self.score, default=self.first)
 
-    def _adds(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
-        """Return whether an effect of an explanation is material compared with one without it."""
-        if effect.found_as == "swing":
-            return self._swings(effect)
-        if self._like_response(one, effect, less) or self._within_stamps(one, effect):
+    def _adds(self, one: Explanation, effects: tuple[Effect, ...], less: Explanation) -> bool:
+        """Return whether effects of an explanation are material together, compared with one without them."""
+        if effects[0].found_as == "swing":
+            return self._swings(effects[0])
+        if any(self._like_response(one, e, less) or self._within_stamps(one, e) for e in effects):
             return False
-        if (one, effect) not in self.without:
-            made = made_alone(one, effect, self.record)
-            errors = None if made is None else errors_without(one, effect, made, self.record)
-            self.without[one, effect] = errors
-        left, active = self.without[one, effect], one.active(self.record, effect)
-        if left is None and len(less.names) < len(one.names) - 1:  # the difference has other causes too
+        if (one, effects) not in self.without:
+            made = made_alone(one, effects, self.record)
+            errors = None if made is None else errors_without(one, effects, made, self.record)
+            self.without[one, effects] = errors
+        left = self.without[one, effects]
+        active = np.any([one.active(self.record, effect) for effect in effects], axis=0)
+        if left is None and len(less.names) < len(one.names) - len(effects):  # it has other causes too
             return False
         # Errors of a run without it may still be smaller: operators react to the weather, so that the logged
         # outflow predicts the level.
@@ -730,6 +745,11 @@ class Study:
         share, _ = shares(self.last, self.first, self.split.sealed, self.split.block)
         worse = bool((share[1:] < -MATERIAL).all())
         return worse or worse_on(self.last, self.first, self.split.sealed, self.split.block)
+
+
+def _delays(effect: Effect) -> bool:
+    """Return whether an effect delays flows, a wave or the reading."""
+    return effect.family == "timing" or isinstance(effect, StillingWell)
 
 
 def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | None:

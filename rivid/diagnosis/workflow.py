@@ -221,7 +221,7 @@ class _Search:
         self.extended: set[tuple[str, ...]] = set()
         self.libraries: dict[str, Library] = {}
         self.tried: list[tuple[Explanation, Explanation]] = []  # by :meth:`again`: parent and extension
-        self.without: dict[tuple[Explanation, Effect], DayErrors | None] = {}  # by :class:`Study`
+        self.without: dict[tuple[Explanation, tuple[Effect, ...]], DayErrors | None] = {}  # by :class:`Study`
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 

@@ -39,6 +39,7 @@ from rivid.diagnosis.workflow import _Search
 from rivid.effects import CATALOGUE, changes_of
 from rivid.effects.flow import PassingFlow, RecurringFlow, SideStorage
 from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
+from rivid.errors import RividError
 from tests import examples
 from tests.diagnosis import pools
 from tests.diagnosis.answers import evidence_of, gap_of
@@ -780,6 +781,22 @@ def test_delays_that_change_on_the_same_day_or_at_their_limits_are_an_unknown_ca
     assert late >= {effect.name for effect in effects} - set(names)
     if not names:
         assert _next(study, "unknown", dict(CATALOGUE)) == USUAL["timing"]
+
+
+@pytest.mark.parametrize(("first", "unknown"), [(FIRST, "flow"), (MIDDLE, "")])
+def test_delays_on_the_same_dates_are_material_together(first, unknown):
+    """Regression: an outflow lag that the library lacked was a stilling well and a clock, each too small."""
+    effects = dated("stilling_well", FIRST, END), dated("clock_offset", first, END)
+
+    def dry(record):
+        raise RividError("the reach cannot carry the flows without the effects")
+
+    model, nothing = model_with(*effects), explained()
+    model.rough = SimpleNamespace(baseline=dry)
+    one = explained("stilling_well", 9.0, 0.07, parent=nothing, model=model_with(effects[0]))
+    one = explained("clock_offset", 9.0, 0.07, parent=one, model=model)
+    study = study_of(nothing, one)
+    assert study.core(one) == ((), unknown)
 
 
 @pytest.mark.parametrize(("place", "sd"), [(0.0, 0.05), (0.3, 0.02), (0.9, 0.2), (0.5, 3.0)])

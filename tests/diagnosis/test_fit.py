@@ -553,7 +553,7 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     one = fitted(model, planted, every, steps=3, draft=parent.extended(0.0))
     both = one.model.rough, replace(one.model, effects=(), free=()).rough
     made = both[0].baseline(planted) - both[1].baseline(planted)
-    alone = made_alone(one, one.model.effects[0], planted)
+    alone = made_alone(one, one.model.effects[:1], planted)
 
     def white(values):
         seen = np.where(planted.used & np.isfinite(one.residual), values, np.nan)
@@ -569,8 +569,8 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     assert np.linalg.norm(white(alone)) < np.linalg.norm(white(made))
 
     twin = replace(one, shared=np.concatenate([one.shared, 1e3 * made[None]]), sd=np.append(one.sd, 1.0))
-    assert np.abs(made_alone(twin, one.model.effects[0], planted)).max() < 1e-2 * np.abs(made).max()
-    assert made_alone(one, gain(error=0.5), planted) is None
+    assert np.abs(made_alone(twin, one.model.effects[:1], planted)).max() < 1e-2 * np.abs(made).max()
+    assert made_alone(one, (gain(error=0.5),), planted) is None
 
 
 def test_without_a_leak_errors_of_the_level_last():
@@ -584,9 +584,9 @@ def test_without_a_leak_errors_of_the_level_last():
     made = np.zeros(planted.time.shape)
     lasting = replace(one.noise, recall=1.0)
     expected = day_errors(planted, one.predicted, lasting, HORIZONS).squares
-    found = errors_without(one, one.model.effects[0], made, planted).squares
+    found = errors_without(one, one.model.effects[:1], made, planted).squares
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert found[-1].sum() > 1.5 * one.errors.squares[-1].sum()
     gain = replace(one, model=replace(model, effects=(CATALOGUE["outflow_gain_error"](),), noise=lasting))
-    same = errors_without(gain, gain.model.effects[0], made, planted).squares
+    same = errors_without(gain, gain.model.effects[:1], made, planted).squares
     np.testing.assert_array_equal(same, one.errors.squares)
