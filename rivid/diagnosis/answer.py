@@ -27,9 +27,9 @@ from rivid.diagnosis.result import (
     Verdict,
     Where,
 )
+from rivid.diagnosis.rhythm import rhythm
 from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.seiche import highest_peak
-from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import Effect
 from rivid.effects.flow import RecurringFlow
 from rivid.text import duration, shown_in

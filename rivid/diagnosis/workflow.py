@@ -45,6 +45,7 @@ from rivid.diagnosis.fit import ENOUGH, DayErrors, Model, NoiseKind, residual_of
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
+from rivid.diagnosis.rhythm import rhythm
 from rivid.diagnosis.search import (
     Candidate,
     Library,
@@ -60,7 +61,6 @@ from rivid.diagnosis.search import (
     with_events,
     with_noise,
 )
-from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.flow import LeavingFlow, PassingFlow, RecurringFlow
 from rivid.effects.level import UnknownSwing, UnsteadyGauge

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.diagnosis.spectrum import rhythm
+from rivid.diagnosis.rhythm import rhythm
 from tests.diagnosis import sizes
 
 RECORD = (np.arange(60.0 * 96) * 900.0).reshape(60, 96)
