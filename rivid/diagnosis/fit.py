@@ -216,7 +216,7 @@ class Model:
         sizes = []
         for i, (name, _), value in self.slots():
             usual = self.effects[i].defaults().get(name, 1.0)
-            usual = float(np.max(np.abs(usual))) if np.size(usual) else 1.0
+            usual = (float(np.max(np.abs(usual))) if np.size(usual) else 0.0) or 1.0
             sizes.append(max(abs(value), 0.2 * usual, 1e-9))
         return np.array(sizes)
 

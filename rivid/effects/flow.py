@@ -3,7 +3,7 @@
 import datetime as dt
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -462,7 +462,7 @@ class OutflowGainError(_GainError):
 
 @dataclass(frozen=True, kw_only=True)
 class GateHeadEffect(_Flow):
-    """``real outflow = (1 + gain (level - usual level)) logged outflow``."""
+    """``real outflow = (1 + gain (level - usual level - reference)) logged outflow``."""
 
     name = "gate_head_effect"
     acts_on_river = False
@@ -475,9 +475,17 @@ class GateHeadEffect(_Flow):
     )
 
     gain: float = quantity(0.1, "1/m", 0.0, 2.0, "relative gain of the outflow for each metre of level")
+    reference: float = quantity(0.0, "m", -1.0, 1.0, "level at which the log is right, above the usual level")
+
+    @classmethod
+    def trials(cls, world: World) -> list[Trial]:
+        # The reference is free, since otherwise a gain error of the outflow would be found beside it.
+        return [replace(trial, free=(*trial.free, "reference")) for trial in super().trials(world)]
 
     def changes(self, world: World) -> Changes:
-        return Changes(gate=Gate(head=self.gain * self.active(world), reference=world.level))
+        head = self.gain * self.active(world)
+        factor = 1.0 - self.reference * head
+        return Changes(gate=Gate(factor=factor, head=head / factor, reference=world.level))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -127,3 +127,14 @@ def test_a_gain_error_in_certain_hours_is_tried_for_the_outflow_alone():
         for flow in ("inflow", "outflow")
     ]
     assert hours == [[None], [None, (5.0, 13.0), (13.0, 21.0), (21.0, 5.0)]]
+
+
+@pytest.mark.parametrize("reference", [0.0, 0.3, -0.2])
+def test_gates_let_through_what_the_log_shows_at_the_reference_and_more_above_it(reference):
+    here = world(days=12)
+    gate = GateHeadEffect(gain=0.4, reference=reference, dates=DATES).changes(here).gate
+    level = here.level + np.linspace(-0.5, 0.5, here.time.size)
+    real = gate.factor * (1.0 + gate.head * (level - gate.reference))
+    acts = (here.time >= 0.0) & (here.time < 10 * 86_400.0)
+    expected = 1.0 + 0.4 * acts * (level - here.level - reference)
+    np.testing.assert_allclose(real, expected, rtol=1e-12)
