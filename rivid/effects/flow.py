@@ -380,7 +380,7 @@ class PassingFlow(LeavingFlow):
 
 @dataclass(frozen=True, kw_only=True)
 class Leakage(_Flow):
-    """``outflow at the place += loss (level - usual level)``."""
+    """``outflow at the place += loss (level - usual level - reference)``."""
 
     name = "leakage"
     acts_on_river = False
@@ -392,19 +392,23 @@ class Leakage(_Flow):
     }
     sentence = "Water that is lost the faster the higher the level stands: seepage, a leaking gate."
     looks = (
-        "The level falls back to its usual height faster than the logs explain, from above as from below; "
-        "the part that is always lost looks like a negative lateral_inflow."
+        "The level falls back to its reference faster than the logs explain, from above as from below; "
+        "what is always lost beside that looks like a negative lateral_inflow."
     )
 
-    loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the usual level")
+    loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the reference")
+    reference: float = quantity(0.0, "m", -1.0, 1.0, "level without a loss, above the usual level")
     place: float = quantity(1.0, "-", 0.0, 1.0, PLACE)
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        return [cls.linear_trial("loss", 10.0, sign=1, also=("place",), place=at) for at in QUARTERS]
+        # The reference is free, since otherwise a lateral inflow would be found beside it.
+        free = ("place", "reference")
+        return [cls.linear_trial("loss", 10.0, sign=1, also=free, place=at) for at in QUARTERS]
 
     def changes(self, world: World) -> Changes:
-        return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))
+        level = world.level + self.reference
+        return Changes(leaks=(Leak(self.place, self.loss * self.active(world), level),))
 
 
 @dataclass(frozen=True, kw_only=True)
