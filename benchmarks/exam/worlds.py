@@ -25,7 +25,7 @@ from rivid.simulation.season import Season, Water, simulate
 from rivid.types import Floats
 
 Table = dict[str, Any]
-FIRST_PROOF = 12_610
+FIRST_PROOF = 12_660
 KINDS = ("linear", "saint_venant", "box")
 """A linear store with a delay; the Saint-Venant equations (1) as solved by rivid; the same equations by
 another scheme, in other sections."""
