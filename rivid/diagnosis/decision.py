@@ -270,13 +270,13 @@ def strained(reach: Response) -> bool:
 
 def _lacking(model: Model, effects: tuple[Effect, ...]) -> Model:
     """Return a model without some of its effects."""
-    kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if _not_in(e, effects)]
+    kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if not _among(e, effects)]
     return replace(model, effects=tuple(e for e, _ in kept), free=tuple(names for _, names in kept))
 
 
-def _not_in(one: Effect, effects: Sequence[Effect]) -> bool:
-    """Return whether an effect is none of some: two equal ones are two."""
-    return all(one is not other for other in effects)
+def _among(one: Effect, effects: Sequence[Effect]) -> bool:
+    """Return whether an effect is one of some: two equal ones are two."""
+    return any(one is other for other in effects)
 
 
 def errors_without(
@@ -284,7 +284,7 @@ def errors_without(
 ) -> DayErrors:  # fmt: skip
     """Compute forecast errors without effects that make `made` (days, n) of the output."""
     noise, errors = one.noise, one.errors
-    if noise.recall < 1.0 and not all(_not_in(e, effects) for e in one.model.effects):
+    if noise.recall < 1.0 and any(_among(e, effects) for e in one.model.effects):
         # Level errors that decay with the effect, as with a leak, persist without it.
         noise = replace(noise, recall=_lacking(one.model, effects).recall(record))
         errors = day_errors(record, one.predicted, noise, HORIZONS)
@@ -299,8 +299,8 @@ def made_alone(one: Explanation, effects: tuple[Effect, ...], record: Record) ->
     None if none is in the simulator or an event, or if the reach cannot carry the flows without them.
     """
     model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
-    parts = [f.coded for e, f in zip(coded, one.events, strict=True) if not _not_in(e, effects)]
-    if not all(_not_in(e, effects) for e in model.effects):
+    parts = [f.coded for e, f in zip(coded, one.events, strict=True) if _among(e, effects)]
+    if any(_among(e, effects) for e in model.effects):
         try:
             parts.append(model.rough.baseline(record) - _lacking(model, effects).rough.baseline(record))
         except RividError:
@@ -308,7 +308,7 @@ def made_alone(one: Explanation, effects: tuple[Effect, ...], record: Record) ->
     if not parts:
         return None
     made = sum(parts[1:], parts[0])
-    own = [_not_in(model.effects[i], effects) for i, _, _ in model.slots()]
+    own = [not _among(model.effects[i], effects) for i, _, _ in model.slots()]
     kept = np.array([True] * len(one.shared) + own)
     # All other parameters are fitted to the output by one Gauss-Newton step.
     white, columns = one.whitened(record)
@@ -454,7 +454,7 @@ class Study:
                 names = (*names, effect.name)
         # Delays on the same dates can reproduce each other, and be material together.
         rest = [e for e in one.model.effects if _delays(e) and e.name not in names and e not in self.start]
-        for dates in {e.dates for e in rest if e.dates}:
+        for dates in sorted({e.dates for e in rest if e.dates}):
             pair = tuple(e for e in rest if e.dates == dates)
             if len(pair) > 1 and self._adds(one, pair, self._less(one, *pair)):
                 names = (*names, *(e.name for e in pair))
