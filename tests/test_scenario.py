@@ -72,7 +72,7 @@ def test_scenario_defaults_equal_those_of_the_core():
         ("[channel]\ncells = 2", "channel.cells = 2"),
         ("[[effects]]\nname = 'leek'", "no effect is called 'leek': expected name = one of lateral_inflow, "),
         ("[[effects]]\nname = 'leakage'\nloss = -1", "leakage: loss = -1: expected a number from 0 to"),
-        ("[[effects]]\nname = 'leakage'\nlos = 1", "leakage: unknown key 'los': expected loss, reference, place"),
+        ("[[effects]]\nname = 'leakage'\nlos = 1", "leakage: unknown key 'los': expected loss, reference"),
         ("effects_file = 'none.py'\n[[effects]]\nname = 'leakage'", "none.py"),
         ("extends = 3", "extends = 3: expected the name of a scenario file"),
         ("extends = 's.toml'", "extends itself"),
