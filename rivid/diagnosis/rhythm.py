@@ -48,15 +48,13 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     kept_on = float((y[:, 1:] * y[:, :-1])[both].sum() / max((y[:, :-1][both] ** 2).sum(), 1e-300))
     at, left = clock[:, 1:][both], (y[:, 1:] - kept_on * y[:, :-1])[both]
     step, span = float(clock[0, 1] - clock[0, 0]), float(np.ptp(at))
-    m = max(round(FINER * span / step), 1)
-    line = np.bincount(np.rint((at - at.min()) * (m / max(span, step))).astype(np.intp), left * _hann(at))
-    many = int(2.0 * span / (SHORTEST * step)) + 1
-    frequency = np.arange(many) / (2.0 * max(span, step))
-    first = int(np.ceil(2.0 * CYCLES))
+    first, many = int(np.ceil(2.0 * CYCLES)), int(2.0 * span / (SHORTEST * step)) + 1
     if many - first < 2 * NEAREST:
         return None
+    m, hann = round(FINER * span / step), np.sin(np.pi * (at - at.min()) / span) ** 2
+    line = np.bincount(np.rint((at - at.min()) * (m / span)).astype(np.intp), left * hann)
     power = np.asarray(abs(rfft(line, 2 * m)[first:many]) ** 2, float)
-    frequency = frequency[first:]
+    frequency = np.arange(first, many) / (2.0 * span)
     reach = np.clip(np.rint(span * frequency), NEAREST, AROUND).astype(np.intp)
     ratio = power / np.maximum(_running_median(power, reach), 1e-300)
     # Powers of white noise are exponential. The median of n of them has the relative variance of a gamma
@@ -77,11 +75,6 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None
     between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # vertex of a parabola through the line
     period = float(fundamental / (frequency[best] + 0.5 * np.clip(between, -0.5, 0.5) / span))
     return Rhythm(period, 0.5 * period**2 / span, 0.5 * many)
-
-
-def _hann(at: Floats) -> Floats:
-    """Return the weights of times under a Hann window over all of them."""
-    return np.asarray(np.sin(np.pi * (at - at.min()) / max(float(np.ptp(at)), 1e-300)) ** 2)
 
 
 def _running_median(power: Floats, reach: Ints) -> Floats:

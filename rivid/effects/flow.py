@@ -489,6 +489,7 @@ class GateHeadEffect(_Flow):
     def changes(self, world: World) -> Changes:
         head = self.gain * self.active(world)
         factor = 1.0 - self.reference * head
+        factor = np.where(factor == 0.0, 1e-9, factor)  # no flow at the usual level
         return Changes(gate=Gate(factor=factor, head=head / factor, reference=world.level))
 
 

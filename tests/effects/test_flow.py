@@ -138,3 +138,8 @@ def test_gates_let_through_what_the_log_shows_at_the_reference_and_more_above_it
     acts = (here.time >= 0.0) & (here.time < 10 * 86_400.0)
     expected = 1.0 + 0.4 * acts * (level - here.level - reference)
     np.testing.assert_allclose(real, expected, rtol=1e-12)
+
+
+def test_gates_may_let_through_nothing_at_the_usual_level():
+    gate = GateHeadEffect(gain=2.0, reference=0.5).changes(world(days=2)).gate
+    np.testing.assert_allclose(gate.factor * (1.0 + gate.head * 0.25), 0.5, rtol=1e-6)
